@@ -72,6 +72,19 @@ def test_a_move_is_repeated_as_often_as_is_drawn_while_it_is_legal_and_loses_not
     assert min(ends[why] for why in ("drawn", "illegal", "loses")) > 5
 
 
+@pytest.mark.parametrize(("loss", "times"), [(0.9e-4, 4), (1.1e-4, 1)])
+def test_a_move_is_repeated_while_it_loses_no_more_than_a_hundredth_of_a_reward(loss, times):
+    class Falling(EveryMove):
+        def reward(self, room, position):
+            return position[:, 0] / 0.1 * loss
+
+    exact = Simulator([rectangular_room(4, 3)], Moves((0.1,), slide=False), Reward())
+    learns = Falling(BatchSimulator(exact, dtype=torch.float64), 0, (0.9, 0.9), repeats=4)
+    place = torch.tensor([[2.0, 1.5]] * 20, dtype=torch.float64)
+    _, found = learns.transitions(torch.zeros(20, dtype=torch.int64), place, 0, torch.Generator().manual_seed(0))
+    assert found.next_position[:, 0].min().item() == pytest.approx(2.0 - 0.1 * times)
+
+
 def test_the_horizon_rises_over_the_first_half():
     learns = EveryMove(BatchSimulator(Simulator(small_rooms(), Moves(), Reward())), 100, (0.5, 0.9))
     assert [learns.discount_at(n) for n in (0, 25, 50, 100)] == pytest.approx([0.5, 1 - 1 / 6, 0.9, 0.9])

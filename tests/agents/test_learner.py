@@ -1,4 +1,4 @@
-"""The learner: what is refused before any training."""
+"""The learner: what is refused before any training, and that it trains as its method says."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ import pytest
 import torch
 
 from layoutrl import InputError
+from layoutrl.agents.exploration import LinearSchedule
 from layoutrl.agents.learner import Learner
 from layoutrl.env.reward import Reward
 from layoutrl.rooms.designer.generator import design_rooms
@@ -15,10 +16,10 @@ from layoutrl.runs.config import composed
 from tests.builders import rectangular_room
 
 
-def learner(room: Room, *options: str) -> Learner:
+def learner(room: Room, *options: str, updates: int = 1) -> Learner:
     seed = np.random.SeedSequence(0)
     method = composed("train", "method.slide=false", "method.steps=[0.4]", *options).method
-    return Learner([room], method, Reward(), 1, seed, seed, torch.device("cpu"))
+    return Learner([room], method, Reward(), updates, seed, seed, torch.device("cpu"))
 
 
 @pytest.mark.parametrize("scope", ["item", "room"])
@@ -43,3 +44,18 @@ def test_whole_rooms_that_lean_are_learned_from_upright_as_they_are_furnished() 
 def test_what_can_move_need_not_be_able_to_from_the_designers_place(scope: str) -> None:
     room = rectangular_room(1.0, 1.0, Item("bed", (0.8, 0.8), (0.5, 0.5)))  # 30 cm from the middle to the outer walls
     learner(room, f"scope={scope}")
+
+
+@pytest.mark.parametrize(("scope", "own"), [("item", "method.goal_iou=0.9"), ("room", "method.own_share=0.2")])
+def test_a_training_is_as_the_method_has_it(scope: str, own: str) -> None:
+    given = "method.near_share=0.3", "method.max_moves=8", "method.episodes=4", "method.epsilon_share=0.25"
+    made = learner(rectangular_room(4, 3), f"scope={scope}", *given, own, updates=40)
+    training = made.training(1)
+    begun = training._running
+    assert begun._age.tolist() == [0, 2, 4, 6]
+    assert training._epsilon == LinearSchedule(1.0, made.method.epsilon_end, 10)
+    if scope == "item":
+        near, designed = begun._near
+        assert (near, designed.tolist(), begun._goal_iou) == (0.3, [[2.0, 1.5]], 0.9)
+    else:
+        assert (begun._near_share, begun._own_share) == (0.3, 0.2)

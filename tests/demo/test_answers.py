@@ -6,6 +6,7 @@ import json
 from collections.abc import Sequence
 from contextlib import nullcontext
 from dataclasses import replace
+from statistics import median_low
 from typing import Any
 from xml.etree import ElementTree
 
@@ -16,7 +17,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from layoutrl import InputError
-from layoutrl.demo.answers import Answers
+from layoutrl.demo.answers import Answers, palette
 from layoutrl.demo.furnisher import staff_of
 from layoutrl.demo.shell import gaps, swings, with_opening, without_opening
 from layoutrl.rooms.brief import brief_of, missing, with_poses
@@ -57,6 +58,13 @@ def test_the_palette_has_the_sizes_of_designed_rooms(answers):
         designed = {item.category for room in ROOMS if room.room_type == room_type for item in room.furniture}
         assert designed <= {entry["item"]["category"] for entry in entries}
         assert MAIN_ITEM[room_type] in {entry["item"]["category"] for entry in entries if entry["usual"]}
+
+
+def test_the_palette_has_the_median_depth_and_width_of_each_kind():
+    for item in (entry["item"] for entry in palette(ROOMS)):
+        kind = item["category"], item.get("shape", "rectangle")
+        sizes = [one.size for room in ROOMS for one in room.furniture if (one.category, one.form) == kind]
+        assert item["size"] == [*map(median_low, zip(*sizes, strict=True))]
 
 
 def test_a_look_says_what_faults_says(answers):
@@ -184,6 +192,19 @@ def test_as_many_layouts_are_found_as_are_asked_for(answers):
     assert len(answers.answer("furnish", body(room, movable=movable, choices=1))["choices"]) == 1
     with pytest.raises(InputError, match="choices: expected a number from 1 to 3"):
         answers.answer("furnish", body(room, movable=movable, choices=4))
+
+
+def test_the_furnisher_is_given_the_choices_and_the_seed_that_are_asked_for(answers, monkeypatch):
+    given = []
+
+    class Told:
+        def furnish(self, briefs, choices, seed):
+            given.append((choices, seed))
+            return [[] for _ in briefs]
+
+    monkeypatch.setattr(answers, "staff", replace(answers.staff, furnisher=Told))
+    answers.answer("furnish", body(ROOMS[0], movable=[0], choices=2, seed=5))
+    assert given == [(2, 5)]
 
 
 def test_the_same_seed_gives_the_same_layouts(answers):
@@ -370,6 +391,17 @@ def test_files_are_read_and_what_is_wrong_is_said(answers):
         with pytest.raises(InputError, match=match) as found:
             answers.read(content)
         assert "/tmp" not in str(found.value)
+
+
+def test_of_a_file_the_first_rooms_are_shown_and_none_that_is_too_large_to_be_asked_about(answers, monkeypatch):
+    monkeypatch.setattr("layoutrl.demo.answers.MOST_ROOMS", 2)
+    said = answers.read(lines_of(ROOMS[:3]))
+    assert [entry["room"]["id"] for entry in said["rooms"]] == [room.id for room in ROOMS[:2]]
+    assert said["left_out"] == ["1 more rooms are left out; expected at most 2"]
+    monkeypatch.setattr("layoutrl.demo.answers.MOST_ITEMS", len(ROOMS[0].furniture) - 1)
+    said = answers.read(lines_of([ROOMS[0], replace(ROOMS[1], furniture=(), target=None)]))
+    assert [entry["room"]["id"] for entry in said["rooms"]] == [ROOMS[1].id]
+    assert said["left_out"][0].startswith(f"{ROOMS[0].id}: furniture: expected at most ")
 
 
 def test_a_broken_file_is_told_where_it_is_broken(answers):

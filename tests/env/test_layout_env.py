@@ -293,6 +293,8 @@ def test_options_choose_room_and_position():
     _, info = env.reset(options={"room": 1, "position": (1.25, 0.75)})
     assert info["room"] == 1
     assert info["position"].tolist() == [1.25, 0.75]
+    _, info = env.reset(options={"room": 1, "position": (1.23456789, 0.75)})
+    assert info["position"].tolist() == pytest.approx([1.234568, 0.75], abs=1e-12)  # on the grid
     assert {env.reset(options={"room": 2})[1]["room"] for _ in range(8)} == {2}
 
 

@@ -15,9 +15,12 @@ from shapely.affinity import rotate, translate
 from layoutrl.env.observation import (
     BLOCK,
     COLUMNS,
+    ITEM,
     GeometryObservation,
     ImageObservation,
+    described,
     out_of_line,
+    upright_box,
 )
 from layoutrl.env.render import View, picture
 from layoutrl.env.reward import Reward
@@ -254,6 +257,22 @@ def test_a_half_turned_rectangle_differs_in_where_it_faces_and_in_nothing_else(r
     np.testing.assert_allclose(shown[0][:, faces], -shown[1][:, faces], atol=1e-5)
     facing = np.deg2rad(rotation)
     np.testing.assert_allclose(shown[0][0, faces], (np.cos(facing), np.sin(facing)), atol=1e-5)
+
+
+@pytest.mark.parametrize("degrees", [-45.0, 45.0, 135.0, 225.0])
+def test_a_rectangle_at_45_degrees_up_to_rounding_is_described_as_one_at_45(degrees):
+    plain, off = (described(np.array([[2.0, 1.0]]), np.array([degrees + by])) for by in (0, 1e-10))
+    np.testing.assert_allclose(off, plain, atol=1e-9)
+
+
+@given(SEEDS)
+@settings(max_examples=20)
+def test_the_upright_box_of_an_item_is_that_around_its_footprint(seed):
+    room = random_room(np.random.default_rng(seed))
+    elements = observed(GeometryObservation([room], CATEGORIES), np.array([room.moving.center]))[0]
+    _, half = upright_box(elements[elements[:, ITEM] > 0].T)
+    bounds = shapely.bounds(np.array([item.footprint for item in room.others]))
+    np.testing.assert_allclose(2 * half.T, bounds[:, 2:] - bounds[:, :2], atol=1e-3)
 
 
 @given(SEEDS)

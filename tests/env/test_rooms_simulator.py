@@ -238,6 +238,20 @@ def test_a_turn_stays_in_place_and_is_legal_where_the_item_fits_so_turned() -> N
     assert simulator.destinations(lengthwise)[3][0, first : first + 2].all()
 
 
+@pytest.mark.parametrize(
+    ("room", "ways"),
+    [
+        (rectangular_room(4, 3, BED), [0, 1, 2, 3]),
+        (rectangular_room(2, 3, Item("wardrobe", (0.6, 2.8), (0.3, 1.5), 0.0)), [0, 2]),  # too narrow for others
+    ],
+)
+def test_every_way_that_an_item_fits_is_as_likely_to_begin_with(room: Room, ways: list[int]) -> None:
+    begun = simulator_of(room).begin(np.zeros(2000, dtype=int), np.random.default_rng(0))
+    found, counts = np.unique(begun.quarter[:, 0], return_counts=True)
+    assert found.tolist() == ways
+    assert counts == pytest.approx([2000 / len(ways)] * len(ways), rel=0.15)
+
+
 def test_a_rotation_that_is_given_is_kept() -> None:
     bed = replace(BED, rotation=30.0)
     brief = replace(rectangular_room(4, 4, bed), furniture=(replace(bed, center=None),), target=None)

@@ -16,7 +16,7 @@ from shapely.geometry import LineString, Polygon
 from layoutrl import InputError
 from layoutrl.env.geometry import CONTACT, GRID
 from layoutrl.env.reward import Reward
-from layoutrl.env.simulator import TOUCHING, Moves, Simulator, pixel_size
+from layoutrl.env.simulator import TOUCHING, Moves, Simulator, _anywhere, pixel_size
 from layoutrl.rooms.fitting import fitting_positions
 from layoutrl.rooms.room import FIT, Item, Room, wall_band
 from tests.builders import l_room, opening, random_room, rectangle, rectangular_room
@@ -544,6 +544,14 @@ def test_an_item_that_fits_exactly_still_gets_a_start() -> None:
     simulator = simulator_of(rectangular_room(4, 3, item=Item("bed", (4.4, 1.0), (2.0, 1.5))))
     starts = simulator.starts(np.zeros(20, dtype=int), np.random.default_rng(0))
     assert np.allclose(starts[:, 0], 2.0, atol=1e-5)
+
+
+def test_where_an_item_hardly_fits_places_are_drawn_by_area_however_large_triangles_are() -> None:
+    region = Polygon([(0, 0), (9, 0), (9, 1), (1, 1), (1, 2), (0, 2)])  # a tenth of it is above y = 1
+    rng = np.random.default_rng(0)
+    places = np.array([_anywhere(region, rng) for _ in range(1000)])
+    assert shapely.intersects_xy(region, places).all()
+    assert (places[:, 1] > 1).mean() == pytest.approx(0.1, abs=0.03)
 
 
 # many rooms at once

@@ -11,8 +11,9 @@ from hypothesis import strategies as st
 from layoutrl.env.reward import Reward
 from layoutrl.env.rooms_simulator import RoomsSimulator, State, rows
 from layoutrl.env.simulator import Moves
-from layoutrl.evaluation.choosing import FAULT, TRIED_UP_TO, Chosen, Options, best_of, blame, wrong, wrong_at
+from layoutrl.evaluation.choosing import FAULT, TRIED_UP_TO, Chosen, Options, best_of, blame, unlike, wrong, wrong_at
 from layoutrl.rooms.documents import MOST
+from layoutrl.rooms.furnished import Furnished
 from layoutrl.rooms.room import Item
 from tests.builders import opening, rectangular_room
 
@@ -124,6 +125,13 @@ def test_of_two_rooms_the_one_with_more_poses_has_all_of_them_tried() -> None:
         rooms, state, Options(center, np.zeros((2, count), int), value, [list(c[:, None]) for c in center])
     )
     assert chosen.center.tolist() == [[*free], [*at_door]]
+
+
+def test_what_found_no_place_in_a_known_layout_finds_none_in_another() -> None:
+    rooms, options = small_room()
+    state, (lacking,) = rooms.empty(np.zeros(1, dtype=int)), rooms.rooms
+    assert np.isinf(unlike(rooms, state, options, [[Furnished(lacking, 0.0)]]).value).all()
+    assert np.isfinite(unlike(rooms, state, options, [[]]).value).all()
 
 
 def test_blame_is_of_what_was_to_be_placed() -> None:

@@ -21,7 +21,7 @@ from layoutrl.env.simulator import Moves
 from layoutrl.evaluation import choosing, furnishing, placing
 from layoutrl.evaluation.choosing import FAULT, LARGEST_APART, TRIED_UP_TO, Chosen, Options, best_of, wrong
 from layoutrl.evaluation.furnishing import Furnisher
-from layoutrl.evaluation.placing import BACK, GAP, SIDEWAYS, STARTS, Placing, spread
+from layoutrl.evaluation.placing import BACK, BETTER, GAP, SIDEWAYS, STARTS, Placing, spread
 from layoutrl.rooms import oddities
 from layoutrl.rooms.brief import brief_of, categories_of, missing
 from layoutrl.rooms.designer.generator import design_rooms
@@ -157,6 +157,15 @@ def test_a_layout_does_not_hang_on_what_else_is_furnished(together: list[Furnish
         assert_same_places(one.layout, other.layout)
 
 
+def test_more_rooms_than_a_block_are_furnished_as_in_one(furnisher, designs, monkeypatch) -> None:
+    briefs, found = [brief_of(replace(room, furniture=room.furniture[:1], target=None)) for room in designs], []
+    for block in (3, 2):
+        monkeypatch.setattr(furnishing, "BLOCK", block)
+        found.append(furnisher.furnish(briefs, 1, 0))
+    for (one,), (other,) in zip(*found, strict=True):
+        assert_same_places(one.layout, other.layout)
+
+
 def test_what_is_to_stand_elsewhere_does_not_hang_on_what_else_is_furnished(furnisher, designs, alone) -> None:
     """A layout of each is known. Where one room looks for another place for its largest item, the other does not."""
     briefs = [brief_of(room) for room in designs[:2]]
@@ -197,6 +206,18 @@ def test_layouts_to_choose_from_differ_in_their_largest_item_and_come_by_faults_
                 )
 
 
+def test_a_layout_that_lacks_an_item_comes_after_an_odd_one(furnisher, monkeypatch) -> None:
+    bed, wardrobe = Item("bed", (2.0, 1.5), (1.0, 0.75)), Item("wardrobe", (0.6, 1.0), (2.0, 2.0))
+    odd = rectangular_room(4, 3, bed, others=(wardrobe,), target=None)
+    lacking = replace(odd, furniture=(bed, replace(wardrobe, center=None, rotation=None)))
+    monkeypatch.setattr(furnishing, "ELSEWHERE", 0)
+    monkeypatch.setattr(
+        furnisher, "_furnished", lambda _, __, ___, known, *____: [Furnished(odd if known[0] else lacking, 0.0)]
+    )
+    (found,) = furnisher.furnish([brief_of(odd)], 2, 0)
+    assert [one.layout for one in found] == [odd, lacking]
+
+
 def chosen_at(center: np.ndarray, harm: int) -> Chosen:
     """One item at centers (1, 2)."""
     way = np.empty(1, dtype=object)
@@ -208,6 +229,34 @@ def slid(furnisher: Furnisher, brief: Room, chosen: Chosen, ways: tuple[int, ...
     world = Placing([brief], furnisher._policy, Moves(), ["bed"])
     state = world.rooms.empty(np.zeros(1, int))
     return world._slid(state, wrong([world.rooms.layout(state, 0)]), chosen, np.array([0]), ways)
+
+
+@pytest.mark.parametrize(("harm", "calls"), [(0, 3), (1, 4)])  # both items, the smaller again, and again
+def test_each_sweep_looks_from_other_starts_and_the_last_where_something_is_wrong(
+    furnisher, designs, monkeypatch, harm, calls
+) -> None:
+    brief = brief_of(replace(designs[0], furniture=designs[0].furniture[:2], target=None))
+    world = Placing([brief], furnisher._policy, Moves(), furnisher._categories)
+    chosen, first = Placing.chosen, []
+
+    def noted(self, state: Any, stood: Any, uniform: np.ndarray, *more: Any) -> Chosen:
+        first.append(uniform[0, 0])
+        return chosen(self, state, stood, uniform, *more)
+
+    monkeypatch.setattr(Placing, "chosen", noted)
+    monkeypatch.setattr(furnishing, "wrong_at", lambda _, state: np.full(len(state.room), harm))
+    furnisher._furnished(world, np.arange(1), world.rooms.size_rank(), [[]])
+    assert (len(first), len({*first})) == (calls, calls - 1)
+
+
+def test_what_stands_moves_only_where_it_gains_something(furnisher, designs) -> None:
+    world = Placing([brief_of(designs[0])], furnisher._policy, Moves(), furnisher._categories)
+    state = world.rooms.begin(np.zeros(1, int), np.random.default_rng(0))
+    ends = Options(np.zeros((1, 1, 2)), np.zeros((1, 1), int), np.zeros((1, 1)), [[np.zeros((1, 2))]])
+    stay = world._or_stay(state, np.ones(1, dtype=bool), ends)
+    (value,) = world.value(state, np.zeros(1, int), state.quarter[:, 0], state.center[:, 0])
+    assert stay.value[0].tolist() == [pytest.approx(value + BETTER), 0]
+    assert stay.center[0, 0].tolist() == state.center[0, 0].tolist()
 
 
 @pytest.mark.parametrize(("off", "behind", "ends"), [(0.1, 0.0, 1.0), (0.3, 0.0, 1.3), (0.1, 0.5, 1.5)])

@@ -104,6 +104,11 @@ def test_points_may_be_tuples() -> None:
     assert room_from_dict(document(outline=tuple(map(tuple, outline)))) == room_from_dict(document())
 
 
+def test_what_is_no_more_than_rounding_from_zero_is_zero() -> None:
+    tiny = document(outline=[[5e-324, -1e-13], [4, 0], [4, 3], [0, 3]])
+    assert room_from_dict(tiny).outline == room_from_dict(document()).outline
+
+
 def test_walls_left_out_are_a_band_cut_by_the_openings() -> None:
     room = room_from_dict(document())
     assert room.walls == wall_band(room.outline, (), room.openings)

@@ -8,13 +8,17 @@ from functools import partial
 import numpy as np
 import pytest
 
+from layoutrl.rooms.clearances import FRONT_DEPTH
 from layoutrl.rooms.designer.generator import design_rooms
 from layoutrl.rooms.faults import Items, faults
 from layoutrl.rooms.oddities import (
     ASTRAY,
+    AT_A_WALL,
+    BACK,
     BEFORE_WINDOW,
     CROWDED,
     IN_SWING,
+    LOUNGING,
     NEAR,
     OFF_ITS_BED,
     OFF_ITS_WALL,
@@ -26,6 +30,7 @@ from layoutrl.rooms.oddities import (
     item_oddities,
     oddities,
     oddities_of_all,
+    sides_off_walls,
 )
 from layoutrl.rooms.room import MAIN_ITEM, Item, Opening, Room
 from tests.builders import rectangular_room
@@ -60,6 +65,15 @@ def test_what_belongs_at_a_wall_has_its_back_there(center: tuple[float, float], 
     room = furnished(Item("wardrobe", (0.6, 1.2), center, rotation))
     assert oddities(room) == [(0, OFF_ITS_WALL)] * odd
     assert not oddities(furnished(Item("sofa", (0.6, 1.2), center, rotation)))  # people have sofas in mid-room
+
+
+def test_what_the_designer_always_puts_at_a_wall_belongs_there_but_for_what_people_lounge_on() -> None:
+    rooms = [room for room_type in MAIN_ITEM for room in design_rooms(room_type, "test", 0, 12).rooms]
+    items = Items.of(rooms)
+    those = np.flatnonzero(~items.round)
+    off = sides_off_walls(rooms, items, those)[:, BACK] > NEAR
+    always = {*items.category[those]} - {*items.category[those[off]]}
+    assert always & {*FRONT_DEPTH} <= AT_A_WALL | LOUNGING
 
 
 def test_what_stands_across_a_corner_is_off_its_wall_and_what_stands_before_a_niche_is_not() -> None:
@@ -133,9 +147,10 @@ def test_a_round_stool_sits_at_the_table_that_it_is_under() -> None:
     assert oddities(furnished(table, replace(stool, center=(2.8, 1.5)))) == [(1, ASTRAY)]
 
 
-def test_a_wardrobe_closes_a_window_and_a_bed_does_not() -> None:
+def test_what_is_tall_closes_a_window_and_a_bed_does_not() -> None:
     window = Opening("window", ((1.0, 3.0), (2.5, 3.0), (2.5, 3.2), (1.0, 3.2)))
-    for category, x, odd in (("wardrobe", 1.7, True), ("bed", 1.7, False), ("wardrobe", 3.3, False)):
+    tall = (("wardrobe", 1.7, True), ("bookcase", 1.7, True), ("fridge", 1.7, True))
+    for category, x, odd in (*tall, ("bed", 1.7, False), ("wardrobe", 3.3, False)):
         room = furnished(Item(category, (0.6, 1.2), (x, 2.7), 270), openings=(window,))
         assert not faults(room)
         assert oddities(room) == [(0, BEFORE_WINDOW)] * odd

@@ -3,18 +3,19 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 import shapely
 from hypothesis import given
 from hypothesis import strategies as st
 
 from layoutrl.rivals.rooms.annealer import Annealing
-from layoutrl.rivals.rooms.cost import FAULT, Cost
+from layoutrl.rivals.rooms.cost import FAULT, PREFERENCES, RULES, Cost
 from layoutrl.rivals.rooms.relations import Relations, mine
 from layoutrl.rivals.rooms.scene import daylight, keep_free, scene_of
 from layoutrl.rooms.brief import brief_of
 from layoutrl.rooms.clearances import FRONT_DEPTH, MAY_STAND_BEFORE, RAISED, may_share_floor
-from layoutrl.rooms.room import TOLERANCE, Room
-from tests.builders import random_room
+from layoutrl.rooms.room import TOLERANCE, Item, Room
+from tests.builders import random_room, rectangular_room
 from tests.rivals.rooms.builders import configured, designed, random_poses
 
 NOTHING = Relations({}, {}, frozenset({"wardrobe"}), 0.5)
@@ -124,3 +125,26 @@ def test_every_item_has_a_partner_in_every_category_the_one_that_suits_best(seed
         for category in set(names):
             whole += min((between(i, j) for j in range(len(names)) if names[j] == category and j != i), default=0.0)
     np.testing.assert_allclose(cost.pairs(box, quarter), whole / 2)
+
+
+def test_rules_are_the_weighted_sum_of_faults():
+    rng = np.random.default_rng(6)  # by which there are faults of every kind
+    scene = scene_of(brief_of(random_room(rng)))
+    weights = WEIGHTS | {name: 1.0 + k for k, name in enumerate(RULES)}
+    cost = Cost(scene, NOTHING, weights)
+    center, quarter = random_poses(scene, rng, 5)
+    box = cost.boxes(center, quarter)
+    found = cost.faults(center, quarter, box)
+    assert all(fault.any() for fault in found.values())
+    np.testing.assert_allclose(
+        cost.rules(center, quarter, box), sum(weights[name] * fault for name, fault in found.items())
+    )
+
+
+def test_balance_is_how_far_the_middle_of_what_stands_is_from_that_of_the_room():
+    large, small = Item("box", (2.0, 1.0), (3.0, 2.0)), Item("globe", (1.0, 1.0), (1.0, 1.0))
+    scene = scene_of(rectangular_room(4, 3, large, others=(small,)))
+    cost = Cost(scene, NOTHING, dict.fromkeys((*RULES, *PREFERENCES), 0.0) | {"balance": 2.0})
+    center, quarter = scene.center[None], scene.quarter[None]
+    off = np.hypot((2 * 3 + 1) / 3 - 2, (2 * 2 + 1) / 3 - 1.5)  # from (2, 1.5); the large one counts twice
+    assert cost.preference(center, quarter, cost.boxes(center, quarter)) == pytest.approx(2 * off)

@@ -173,6 +173,15 @@ def test_search_keeps_the_floor_before_an_item_free_of_what_stands():
     assert not faults(layout)
 
 
+def test_search_finds_a_gap_that_an_item_just_fills():
+    left, right = Item("globe", (0.9, 3.0), (0.45, 1.5)), Item("globe", (1.5, 3.0), (3.25, 1.5))
+    between = Item("globe", (1.6, 0.5), None, 0.0)  # as wide as the gap, up to how numbers are rounded
+    brief = rectangular_room(4, 3, left, others=(right, between), target=None)
+    layout = search(brief, Relations({}, {}, frozenset(), 0.0), SEARCHING, updates_budget(1), np.random.default_rng(0))
+    assert layout.furniture[2].center is not None
+    assert layout.furniture[2].center[0] == pytest.approx(1.7)
+
+
 def test_search_leaves_out_what_fits_nowhere_and_places_the_rest():
     items = Item("wardrobe", (0.6, 9.0), None, None), Item("bed", (2.0, 1.5), None, None)
     for openings in ((), (opening("door", 3, 3, 3.8, 3.2),)):
@@ -215,14 +224,38 @@ def test_annealing_ends_no_worse_than_it_began_and_the_more_moves_the_better():
     assert lowest[0] > lowest[1] > lowest[2]
 
 
-def test_in_the_cold_no_chain_takes_what_costs_more():
-    cold = replace(ANNEALING, first_temperature=1e-9, last_temperature=1e-9, first_rules=1.0, last_rules=1.0)
+def taken_though_worse(first: float, last: float, share: float, steps: int) -> int:
+    """How many moves that cost more are taken where a share is spent of a budget that cools from first to last."""
+    settings = replace(ANNEALING, first_temperature=first, last_temperature=last, first_rules=1.0, last_rules=1.0)
     scene = scene_of(brief_of(designed("dining_room", 1)[0]))
-    chains = Chains(scene, relations_of("dining_room"), cold, np.random.default_rng(0))
-    for _ in range(200):
+    chains, count = Chains(scene, relations_of("dining_room"), settings, np.random.default_rng(0)), 0
+    for _ in range(steps):
         before = chains.preference + chains.rules
-        chains.step(0.5)
-        assert (chains.preference + chains.rules <= before + 1e-6).all()
+        chains.step(share)
+        count += (chains.preference + chains.rules > before + 1e-6).sum()
+    return count
+
+
+def test_in_the_cold_no_chain_takes_what_costs_more_and_the_hotter_it_is_the_more_do():
+    cold, warm, hot = (taken_though_worse(heat, heat, 0.5, 150) for heat in (1e-9, 1.0, 1e9))
+    assert 0 == cold < warm < hot
+
+
+def test_it_cools():
+    begun, over = (taken_though_worse(1e9, 1e-9, share, 50) for share in (0.0, 1.0))
+    assert begun > 0 == over
+
+
+def test_a_swap_exchanges_places_and_facings():
+    swaps = replace(ANNEALING, moves={"swap": 1.0}, first_temperature=1e9, last_temperature=1e9)
+    beds = [Item("bed", (2.0, 1.5))] * 3
+    brief = rectangular_room(9, 9, beds[0], others=tuple(beds[1:]), target=None)
+    chains, seen = Chains(scene_of(brief), relations_of("bedroom"), swaps, np.random.default_rng(0)), []
+    for _ in range(20):
+        seen.append(np.dstack([chains.center, chains.quarter]).tolist())
+        chains.step(0.0)
+    assert seen[-1] != seen[0]
+    assert [*map(sorted, seen[-1])] == [*map(sorted, seen[0])]
 
 
 def test_chains_remember_the_best_that_they_met_and_know_the_costs_of_where_they_are():

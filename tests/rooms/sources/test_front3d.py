@@ -5,7 +5,9 @@ import math
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 from shapely.geometry import box
 
 from layoutrl import InputError
@@ -77,6 +79,26 @@ def test_a_house_is_its_rooms(tmp_path: Path) -> None:
     assert window.shape.symmetric_difference(box(1, 0, 2, 0.2)).area < 1e-3
 
 
+def test_a_piece_that_is_tilted_is_turned_as_its_own_z_is(tmp_path: Path) -> None:
+    document = house()
+    turns = Rotation.from_quat(np.random.default_rng(0).normal(size=(20, 4)))
+    for turn, (x, _, z) in zip(turns, turns.apply([0, 0, 1]), strict=True):
+        document["scene"]["room"][0]["children"][4]["rot"] = turn.as_quat().tolist()
+        write(tmp_path, document)
+        (bed, *_) = read(tmp_path, names_of()).rooms[0].furniture
+        assert bed.rotation == pytest.approx(math.degrees(math.atan2(-z, x)) % 360)
+
+
+def test_the_box_of_a_piece_may_be_alone_or_in_a_list(tmp_path: Path) -> None:
+    document = house()
+    desks = []
+    for box_of_desk in ([[0.5, 0.7, 0.6]], [0.5, 0.7, 0.6]):
+        document["furniture"][2]["bbox"] = box_of_desk
+        write(tmp_path, document)
+        desks.append(read(tmp_path, names_of()).rooms[0].furniture[1])
+    assert desks[0] == desks[1]
+
+
 def test_what_the_data_set_says_is_not_valid_is_not_read(tmp_path: Path) -> None:
     document = house()
     document["furniture"][0]["valid"], document["furniture"][2]["valid"] = False, True
@@ -125,11 +147,12 @@ def test_a_hole_down_to_the_floor_is_a_door_and_a_hatch_is_none(tmp_path: Path) 
     assert hatch.symmetric_difference(box(1, -3.2, 2, -3)).area < 1e-3
 
 
-def test_doors_that_are_titled_alone_are_as_wide_as_most(tmp_path: Path) -> None:
+@pytest.mark.parametrize("scale", [1.25, -1.25])  # below zero it is mirrored
+def test_doors_that_are_titled_alone_are_as_wide_as_most(scale: float, tmp_path: Path) -> None:
     document = house()
     document["mesh"] = document["mesh"][:2]
     document["furniture"].append({"uid": "titled", "title": "door/single swing door"})
-    document["scene"]["room"][0]["children"].append(child("titled", 4.1, 0, 1.5, yaw=90, scale=(1.25, 1, 1)))
+    document["scene"]["room"][0]["children"].append(child("titled", 4.1, 0, 1.5, yaw=90, scale=(scale, 1, 1)))
     write(tmp_path, document)
     (opening,) = read(tmp_path, names_of()).rooms[0].openings
     assert opening.kind == "door"
@@ -264,3 +287,11 @@ def test_what_is_no_piece_at_all_and_a_titled_door_that_is_nowhere_are_named(tmp
 def test_a_folder_without_houses_is_answered(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"expected \.json files of 3D-FRONT"):
         read(tmp_path, names_of())
+
+
+def test_a_file_that_is_larger_than_any_house_is_left_out(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    size = write(tmp_path, house()).stat().st_size
+    for limit, rooms in ((size, 1), (size - 1, 0)):
+        monkeypatch.setattr("layoutrl.rooms.sources.front3d.LARGEST_FILE", limit)
+        collection = read(tmp_path, names_of())
+        assert (len(collection.rooms), len(collection.left_out)) == (rooms, 1 - rooms)

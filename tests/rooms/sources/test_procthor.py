@@ -149,6 +149,20 @@ def test_houses_of_before_schema_1_have_boxes_of_openings(tmp_path: Path) -> Non
     assert rooms[0].openings
 
 
+def test_a_hole_that_is_narrower_than_a_wall_is_thick_is_no_door(tmp_path: Path) -> None:
+    write(tmp_path, house(doors=[hole("between", 0.5, 0.65)]))
+    assert [opening.kind for room in read(tmp_path, names_of()).rooms for opening in room.openings] == ["window"]
+
+
+@pytest.mark.parametrize(("height", "categories"), [(0.09, ["chair"]), (0.11, ["bed", "chair"])])
+def test_what_is_as_flat_as_a_carpet_is_no_furniture(
+    height: float, categories: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(SIZES, "Bed_1", ("Bed", 1.5, height, 2.0))
+    write(tmp_path, house(objects=[thing("Bed_1", 1.0, 0.05, 1.5, 90), thing("Chair_1", 5.0, 0.45, 2.0, 30)]))
+    assert [item.category for room in read(tmp_path, names_of()).rooms for item in room.furniture] == categories
+
+
 def test_rooms_of_one_type_are_read_as_of_every_source(tmp_path: Path) -> None:
     write(tmp_path, house(), "no house", house())
     collection = Data("procthor", str(tmp_path)).read("kitchen")
@@ -259,6 +273,8 @@ def test_a_bomb_and_a_file_that_breaks_off_are_left_out(tmp_path: Path) -> None:
     path.write_bytes(whole[:10] + b"\xff" * 4 + whole[14:])  # no deflated text begins so
     assert "cannot be read to its end" in read(tmp_path, names_of()).left_out[0][1]
     path.write_bytes(gzip.compress(b" " * (LARGEST_LINE + 10)))
+    assert "larger than any house" in read(tmp_path, names_of()).left_out[0][1]
+    path.write_bytes(gzip.compress((b" " * (LARGEST_LINE // 4) + b"\n") * 8))  # of which no line is too long
     assert "larger than any house" in read(tmp_path, names_of()).left_out[0][1]
 
 

@@ -605,6 +605,19 @@ def test_what_stands_outside_goes_where_it_is_usual_before_a_larger_room_that_ma
     assert (kitchen.furniture, [item.category for item in bathroom.furniture]) == ((), ["washing_machine"])
 
 
+def test_two_alike_that_stand_outside_go_to_a_room_each(tmp_path: Path) -> None:
+    rooms = room_tag(0, 0, 400, 300, name="Bedroom") + room_tag(500, 0, 800, 300, name="Bedroom 2")
+    parked = piece("wardrobe", 1500, 100, 100, 54) + piece("wardrobe", 1500, 300, 100, 54)
+    assert [len(room.furniture) for room in flat(tmp_path, rooms + parked).rooms] == [1, 1]
+
+
+def test_the_floor_that_one_takes_is_not_there_for_the_next_that_stands_outside(tmp_path: Path) -> None:
+    parked = piece("wardrobe", 1500, 100, 200, 100) + piece("dresser", 1500, 300, 200, 90)
+    home = flat(tmp_path, room_tag(0, 0, 200, 150, name="Bedroom") + parked)  # of 3 square metres one takes 2
+    assert [item.category for item in home.rooms[0].furniture] == ["wardrobe"]
+    assert any("the dresser outside all rooms stays there" in note for note in home.collection.notes)
+
+
 def test_what_stands_outside_stays_on_its_level_before_it_goes_where_it_is_usual(tmp_path: Path) -> None:
     levels = tag("level", id="a", name="Ground") + tag("level", id="b", name="Upper")
     rooms = room_tag(0, 0, 800, 600, name="Kitchen", level="a") + room_tag(0, 0, 400, 300, name="Bathroom", level="b")
