@@ -12,6 +12,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 from layoutrl import InputError
 from layoutrl.env.arguments import check_rooms, is_whole
@@ -55,7 +56,8 @@ def furnish(
     "all" what nobody can place stays. An item that cannot be placed stays where it stood, or has no center. Raises
     InputError for what is no list of rooms, for an invalid option, and if `run` is not the folder of a training run.
     """
-    check_built(rooms)
+    check_rooms(rooms)
+    documents = [checked_document(room) for room in rooms]
     run = str(run) if isinstance(run, Path) else run
     for name, value in {"choices": choices, "seed": seed}.items():
         if not is_whole(value):
@@ -76,23 +78,24 @@ def furnish(
     ]:  # sizes may differ: a source's rooms are rounded
         raise InputError("stood: expected the furniture of each room, every item as it stood; got other items")
     entries = [
-        Entry(room.id, brief, room_to_dict(room), stood=tuple(items))
-        for room, brief, items in zip(rooms, briefs, stood, strict=True)
+        Entry(room.id, brief, document, stood=tuple(items))
+        for room, brief, document, items in zip(rooms, briefs, documents, stood, strict=True)
     ]
     return RoomPlacer(config).place(entries)
 
 
-def check_built(rooms: Sequence[Room]) -> None:
-    """Raise InputError for what is no list of rooms, and for a room that could not be read from a file, either."""
-    check_rooms(rooms)
-    for room in rooms:
-        try:
-            hash(room)
-            room_from_dict(room_to_dict(room))
-        except InputError as error:
-            raise InputError(f"{room.id}: {error}") from None
-        except TypeError:
-            raise InputError(f"{room.id}: expected tuples of numbers, no lists or arrays") from None
+def checked_document(room: Room) -> dict[str, Any]:
+    """Return the document of a room. Raises InputError where no room could be read from it."""
+    try:
+        hash(room)
+        document = room_to_dict(room)
+    except TypeError:
+        raise InputError(f"{room.id}: expected tuples of numbers, no lists or arrays") from None
+    try:
+        room_from_dict(document)
+    except InputError as error:
+        raise InputError(f"{room.id}: {error}") from None
+    return document
 
 
 @cache

@@ -45,7 +45,8 @@ class BatchRoomsSimulator:
         self._items = _Table([_padded(items, most) for items in simulator.items], simulator.degrees, like)
 
         # If the reward counts it, the floor that is to be free before each item; if any of it fits, a simulator of it.
-        self._floors = BatchSimulator(floors, device, dtype) if (floors := simulator.floor_simulator) else None
+        floors = simulator.floor_simulator
+        self._floors = BatchSimulator(floors, device, dtype) if floors else None
         self._weighs_floor = simulator.reward_function.theta4 != 0
         if self._weighs_floor:
             floor = [_padded([each or NOTHING for each in row], most) for row in simulator.floor]

@@ -92,6 +92,7 @@ def test_a_chair_is_astray_that_stands_under_no_table_though_there_is_one() -> N
     assert oddities(furnished(table, away)) == [(1, ASTRAY)]
     assert not oddities(furnished(away))
     assert not oddities(furnished(table, replace(away, tucked=False)))
+    assert not [name for k, name in oddities(furnished(table, away)) if k == 0]
 
 
 @pytest.mark.parametrize(("ahead", "odd"), [(0.45, False), (0.41, False), (0.39, True), (0.1, True)])

@@ -173,7 +173,7 @@ class Placer:
         for together in (1, TRIALS - 1):  # the first is often good; the others are cheaper all at once
             centers: list[np.ndarray] = []
             while len(centers) < together and heat.sum() > 0:
-                centers.append(self._centre(heat, cells, choosing))
+                centers.append(self._center(heat, cells, choosing))
                 trial += 1
                 self._forget(heat, cells, centers[-1], trial)
             for item in self._items(query, np.array(centers), choosing, size) if centers else ():
@@ -254,7 +254,7 @@ class Placer:
         item = query.placed[node]
         return np.array(box_of(item)), int(item.degrees // 90) % 4
 
-    def _centre(self, heat: np.ndarray, cells: np.ndarray, choosing: Choosing) -> np.ndarray:
+    def _center(self, heat: np.ndarray, cells: np.ndarray, choosing: Choosing) -> np.ndarray:
         """Return the middle (2,) of the likeliest cell, or of one that is drawn, averaged with its neighbours by heat.
 
         PlanIT has twice as many pixels a side, and takes a pixel's middle.
