@@ -293,9 +293,9 @@ def test_without_a_name_the_agents_in_the_package_furnish_each_room_by_its_type(
     types = [*pretrained.cards()]
     rooms = [design_rooms(kind, "test", 4, 1).rooms[0] for kind in types]
     documents = [bare(room_to_dict(replace(room, furniture=room.furniture[:2]))) for room in rooms]
-    study = types.index("study")  # where there is room beside it: what would overlap it is left out
-    middle = [*rooms[study].indoor.representative_point().coords[0]]
-    documents[study]["furniture"].append({"category": "totem", "size": [0.3, 0.3], "center": middle})  # no matter
+    west, south, *_ = rooms[0].indoor.bounds  # in a corner: what would overlap it is left out
+    corner = [west + 0.15, south + 0.15]
+    documents[0]["furniture"].append({"category": "totem", "size": [0.3, 0.3], "center": corner})  # no matter
     file = written(tmp_path, documents + DOCUMENTS[:1] + [bare(DOCUMENTS[0]) | {"id": "left"}])
     monkeypatch.setattr(
         pretrained, "known", lambda kind, known=pretrained.known: () if kind == "bedroom" else known(kind)
