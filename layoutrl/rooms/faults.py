@@ -23,6 +23,7 @@ MISSING = "not placed"  # `faults` gives such an item no other fault
 OVERLAPS, OUTSIDE, BLOCKS = "overlaps", "outside", "blocks an opening"
 OUT_OF_REACH, FRONT_NOT_FREE = "out of reach", "front not free"
 FAULTS = (MISSING, OVERLAPS, OUTSIDE, BLOCKS, OUT_OF_REACH, FRONT_NOT_FREE)
+ILL_PLACED = frozenset({MISSING, OVERLAPS, OUTSIDE, BLOCKS})  # what nobody can leave so: it is no better than no place
 Fault = tuple[int, str]  # index of an item in its room, what is wrong with it
 ALONG_WALLS = 0.15  # metres: what lies so near to walls, as a radiator, takes no floor before an item; unsourced
 CORNERS = np.array([(0.5, 0.5), (-0.5, 0.5), (-0.5, -0.5), (0.5, -0.5)])

@@ -9,7 +9,7 @@ from operator import itemgetter
 from typing import Any, NamedTuple
 
 from layoutrl.rooms.documents import with_layout
-from layoutrl.rooms.faults import MISSING, OVERLAPS, Fault
+from layoutrl.rooms.faults import ILL_PLACED, MISSING, OVERLAPS, Fault
 from layoutrl.rooms.furnished import same
 from layoutrl.rooms.room import Room
 from layoutrl.runs.request import Request, said_to_stay
@@ -26,11 +26,6 @@ class Choice(NamedTuple):
     unplaced: list[int]  # the wanted items that it has no place for
     wrong: list[Fault]  # (index of the item, fault or oddity) of what was not so before
     still: set[Fault]  # all of its faults and oddities
-
-    @property
-    def overlapping(self) -> set[int]:
-        """The items that overlap another, and did not before."""
-        return {k for k, fault in self.wrong if fault == OVERLAPS}
 
 
 @dataclass(frozen=True)
@@ -59,17 +54,18 @@ class Answer:
     def to_furnish_around(self) -> frozenset[int]:
         """The items that find no place in the best layout and stay where they stood, if something overlaps in it."""
         best = self.choices[0]
-        return self.request.stood.intersection(best.unplaced) if best.overlapping else frozenset()
+        overlaps = any(fault == OVERLAPS for _, fault in best.wrong)
+        return self.request.stood.intersection(best.unplaced) if overlaps else frozenset()
 
     def joined(self, other: Answer, choices: int) -> Answer:
         """Return the answer with the best layouts of both, up to `choices`; of equals this answer's come first.
 
-        Best are those with the fewest items that have no place or overlap another, then those with the least wrong. The
-        other answer is to the same room, furnished around what stays.
+        Best are those with the fewest items that are ILL_PLACED, then those with the least wrong. The other answer is
+        to the same room, furnished around what stays.
         """
 
         def ill_placed_and_wrong(choice: Choice) -> tuple[int, int]:
-            return len({*choice.unplaced, *choice.overlapping}), len(choice.wrong)
+            return len({k for k, fault in choice.wrong if fault in ILL_PLACED}), len(choice.wrong)
 
         best: list[Choice] = []
         for choice in sorted([*self.choices, *other.choices], key=ill_placed_and_wrong):

@@ -18,7 +18,7 @@ from layoutrl.rivals.budgets import seconds_budget, updates_budget
 from layoutrl.rivals.rooms.rival import SearchOrAnnealer
 from layoutrl.rivals.rooms.search import Searching
 from layoutrl.rooms.called import by_any_name
-from layoutrl.rooms.faults import BLOCKS, MISSING, OUTSIDE, OVERLAPS, new_faults
+from layoutrl.rooms.faults import ILL_PLACED, new_faults
 from layoutrl.rooms.furnished import Furnished, Furnishes, same
 from layoutrl.rooms.oddities import ODDITIES, faults_and_oddities
 from layoutrl.rooms.room import Room
@@ -35,7 +35,6 @@ from layoutrl.runs.wording import any_of
 # Of the search that helps where an agent's layout has a shortcoming, and of the next, where each layout still has a
 # fault. With a limit in seconds, layouts would differ between machines.
 RESTARTS = (8, 64)
-ILL_PLACED = frozenset({MISSING, OVERLAPS, OUTSIDE, BLOCKS})  # what nobody can leave so: it is no better than no place
 HALL = 625.0  # square metres of floor, beyond which the search takes seconds (two, in 25 m by 25 m)
 
 

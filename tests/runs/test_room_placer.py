@@ -6,12 +6,17 @@ from collections.abc import Sequence
 from dataclasses import replace
 from types import SimpleNamespace
 
+import pytest
+
 from layoutrl.rooms.brief import missing, with_poses
 from layoutrl.rooms.documents import room_to_dict
+from layoutrl.rooms.faults import BLOCKS, FRONT_NOT_FREE, MISSING, OUT_OF_REACH, OUTSIDE, OVERLAPS, Fault
 from layoutrl.rooms.furnished import Furnished
 from layoutrl.rooms.oddities import CROWDED, faults_and_oddities
 from layoutrl.rooms.room import Item, Room
+from layoutrl.runs.answer import Answer, Choice
 from layoutrl.runs.config import PlaceConfig
+from layoutrl.runs.request import request_of
 from layoutrl.runs.room_placer import Draft, RoomPlacer, judged
 from layoutrl.runs.streams import Entry
 from tests.builders import opening, rectangular_room
@@ -57,3 +62,17 @@ def test_a_room_as_it_stood_is_judged_as_what_is_placed_in_it() -> None:
     (answer,) = placer.place([Entry("rooms.json", room, document, stood=(chest, stood))])
     assert answer.wrong == [answer.wrong_where_stood] == [[(0, CROWDED)]]
     assert "less was wrong" not in " ".join(answer.lines())
+
+
+@pytest.mark.parametrize("harm", [OUTSIDE, BLOCKS, OVERLAPS, MISSING])
+def test_a_layout_with_fewer_items_ill_placed_is_better_however_many_shortcomings_others_have(harm: str) -> None:
+    room = replace(rectangular_room(6, 4), target=None, furniture=(CHEST, SOFA))
+
+    def answer(x: float, *wrong: Fault) -> Answer:
+        layout = replace(room, furniture=(CHEST, replace(SOFA, center=(x, 1.5))))
+        entry = Entry("rooms.json", room, room_to_dict(room), stood=room.furniture)
+        return Answer(entry, request_of(entry, [1], False, {"sofa"}), [Choice(layout, "", [], [*wrong], set())])
+
+    ill_placed = answer(1, (1, harm))
+    shut_in = answer(3.5, (0, OUT_OF_REACH), (1, OUT_OF_REACH), (1, FRONT_NOT_FREE))
+    assert ill_placed.joined(shut_in, 2).layouts == shut_in.layouts + ill_placed.layouts
