@@ -11,10 +11,9 @@ import numpy as np
 import torch
 from torch import Tensor, nn
 
-from layoutrl.env.observation import COLUMNS, ITEM, PRESENT, Y, upright_box
+from layoutrl.env.observation import ITEM, PRESENT, WALL, WINDOW, Y, upright_box
 from layoutrl.env.simulator import TOUCHING
 
-WALL, WINDOW = (COLUMNS.index(name) for name in ("wall", "window"))
 TYPICAL = 8  # elements: sums over elements are divided by it, to be about as large as maxima
 FAR = 6.0  # metres: the clearance where nothing stands in a direction
 SCALES = (2.0, 0.5, 0.1, 0.02)  # metres: a distance is encoded at each; small distances are resolved best

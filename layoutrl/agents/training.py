@@ -153,9 +153,13 @@ class Training:
         """An update from the moves that were made."""
         with self._watch("sample"):
             next_observation = self._observe(sampled.room, sampled.next_position)
-            turned = _in_every_symmetry(self._observe, self._symmetries, sampled, observation, next_observation)
+            turned = sampled._replace(  # all but the poses: only their observations are read from here on
+                action=moves_in_every_view(self._symmetries, sampled.action),
+                next_legal=values_in_every_view(self._symmetries, sampled.next_legal),
+            )
+            views = [in_every_view(self._observe, self._symmetries, o) for o in (observation, next_observation)]
         with self._watch("learn"):
-            return self.dqn.update(*turned)
+            return self.dqn.update(turned, *views)
 
     def _learn_every(self, every_move: EveryMove, sampled: Transitions, observation: Tensor) -> UpdateStats:
         """An update from every move that could have been made instead."""
@@ -224,18 +228,3 @@ def transitions(step: Step, discount: float) -> Transitions:
     """Return the transitions of a step as they are stored: discounts are 0 where episodes terminated."""
     reward, discounts = step.terms.total / REWARD_SCALE, discount * ~step.terminated
     return Transitions(step.room, step.position, step.action, reward, discounts, step.next_position, step.next_legal)
-
-
-def _in_every_symmetry(
-    observe: Observe, symmetries: Sequence[Symmetry], batch: Transitions, observation: Tensor, next_observation: Tensor
-) -> tuple[Transitions, Tensor, Tensor]:
-    """Return the transitions with an equal share of them in each symmetry: moves, legal moves and observations.
-
-    Poses are left as they are: only their observations are read from here on.
-    """
-    turned = batch._replace(
-        action=moves_in_every_view(symmetries, batch.action),
-        next_legal=values_in_every_view(symmetries, batch.next_legal),
-    )
-    observation, next_observation = (in_every_view(observe, symmetries, o) for o in (observation, next_observation))
-    return turned, observation, next_observation

@@ -17,10 +17,12 @@ def run(config: DemoConfig) -> None:
     """Serve the page until Ctrl-C. Raises InputError where the extra or the port is missing."""
     if missing := [name for name in ("starlette", "uvicorn") if find_spec(name) is None]:
         raise InputError(f"demo: {' and '.join(missing)} missing; in the checkout, pip install '.[demo]'")
+    from layoutrl.demo.answers import Answers
+    from layoutrl.demo.furnisher import staff_of
     from layoutrl.demo.server import serve
 
     with listening(config.port) as listener:
-        serve(config, listener)
+        serve(Answers(staff_of(config.search)), listener, config.timeout)
 
 
 def listening(port: int) -> socket.socket:

@@ -27,8 +27,6 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from layoutrl import InputError
 from layoutrl.demo.answers import LARGEST_LINE, Answers
-from layoutrl.demo.furnisher import staff_of
-from layoutrl.runs.config import DemoConfig
 
 LARGEST_FILE = 5_000_000  # bytes
 LARGEST_HOME = 50_000_000  # bytes: most are models and textures, which nobody reads
@@ -47,13 +45,12 @@ HEADERS = {
 }
 
 
-def serve(config: DemoConfig, listener: socket.socket) -> None:
-    """Serve the page at a socket until Ctrl-C."""
-    answers = Answers(staff_of(config.search))
+def serve(answers: Answers, listener: socket.socket, timeout: float) -> None:
+    """Serve the page at a socket until Ctrl-C; answers that take over `timeout` seconds are given up."""
     answers.warm()
     host, port = listener.getsockname()
     print(f"http://{host}:{port} shows the page; Ctrl-C ends it", flush=True)
-    server_of(answers, listener, config.timeout).run([listener])
+    server_of(answers, listener, timeout).run([listener])
 
 
 def server_of(answers: Answers, listener: socket.socket, timeout: float) -> uvicorn.Server:

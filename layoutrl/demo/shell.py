@@ -84,7 +84,11 @@ def gaps(room: Room, index: int) -> list[tuple[Segment, float]]:
     item = room.furniture[index]
     if item.center is None:
         return []
-    others = [other.footprint for k, other in enumerate(room.furniture) if k != index and _stands(room, k)]
+    others = [
+        other.footprint
+        for k, other in enumerate(room.furniture)
+        if k != index and other.center is not None and other.category not in RAISED
+    ]
     found = []
     for quarter in range(4):
         angle = math.radians(item.degrees + 90 * quarter)
@@ -100,8 +104,3 @@ def gaps(room: Room, index: int) -> list[tuple[Segment, float]]:
             (x0, y0), (x1, y1) = start.tolist(), (start + metres * way).tolist()
             found.append((((x0, y0), (x1, y1)), metres))
     return found
-
-
-def _stands(room: Room, index: int) -> bool:
-    item = room.furniture[index]
-    return item.center is not None and item.category not in RAISED

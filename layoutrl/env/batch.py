@@ -54,7 +54,8 @@ class BatchSimulator:
 
     def starts(self, room: Tensor, generator: torch.Generator) -> Tensor:
         """Positions (B, 2) drawn uniformly from all those at which the item lies in the envelope."""
-        return snap(self._origin.index_select(0, room) + self._starts.draw(room, generator))
+        uniform = torch.rand(3, len(room), generator=generator, device=room.device, dtype=torch.float64)
+        return self.starts_at(room, uniform)
 
     def starts_at(self, room: Tensor, uniform: Tensor) -> Tensor:
         """Map random numbers from 0 to 1, float64 (3, B), to starts (B, 2): each is the same in any batch."""

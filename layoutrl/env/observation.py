@@ -30,11 +30,8 @@ from layoutrl.rooms.room import Item, Point, Room, middles, polygons
 # along x and y once it is turned back by the angle of cos2 and sin2: with rotation 0 an item's depth is along x.
 KINDS = ("moving", "wall", "door", "window", "item")
 COLUMNS = ("x", "y", "present", *KINDS, "extent_x", "extent_y", "cos2", "sin2", "circle", "cos", "sin")
-X, Y, PRESENT, ITEM, EXTENT_X, EXTENT_Y, COS2, SIN2, CIRCLE, COS, SIN = (
-    COLUMNS.index(name)
-    for name in ("x", "y", "present", "item", "extent_x", "extent_y", "cos2", "sin2", "circle", "cos", "sin")
-)
-STANDING = slice(COLUMNS.index("wall"), COLUMNS.index("item") + 1)  # the kinds of elements that do not move
+X, Y, PRESENT, _, WALL, _, WINDOW, ITEM, EXTENT_X, EXTENT_Y, COS2, SIN2, CIRCLE, COS, SIN = range(len(COLUMNS))
+STANDING = slice(WALL, ITEM + 1)  # the kinds of elements that do not move
 LIMIT = 2 * LARGEST  # metres: no entry of a room that can be read is larger
 BLOCK = 128  # pictures painted at once: on a CPU, a larger block waits for memory
 

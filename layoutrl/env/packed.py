@@ -98,12 +98,8 @@ class Starts:
         self._before = torch.tensor(before / np.nansum(share, 1, keepdims=True), device=device)  # NaN: never
         self._corners = torch.tensor(padded(corners, room, len(regions)), device=device)
 
-    def draw(self, room: Tensor, generator: torch.Generator) -> Tensor:
-        """Places (B, 2), float64, each in the region of its room and as likely as any other there."""
-        return self.at(room, torch.rand(3, len(room), generator=generator, device=room.device, dtype=torch.float64))
-
     def at(self, room: Tensor, uniform: Tensor) -> Tensor:
-        """Map random numbers (3, B), from 0 to 1, to places (B, 2) in the regions of rooms (B,)."""
+        """Map random numbers (3, B), from 0 to 1, to places (B, 2) in the regions of rooms (B,), all as likely."""
         which, v, w = uniform
         triangle = (self._before.index_select(0, room) <= which[:, None]).sum(1) - 1
         a, b, c = self._corners[room, triangle].unbind(1)

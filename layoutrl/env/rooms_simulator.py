@@ -56,10 +56,6 @@ def _free_places(brief: Room, design: Room | None) -> list[Item]:
     return [item for item in designed if not any(_in_place_of(item, other) for other in brief.furniture)]
 
 
-def _same_kind(items: Sequence[Item], item: Item) -> list[Item]:
-    return [other for other in items if other.kind == item.kind]
-
-
 class RoomsSimulator:
     """Legality, moves and rewards in B states at once, by shapely.
 
@@ -126,7 +122,8 @@ class RoomsSimulator:
         self.targets: list[list[list[Item]]] = []
         for items, brief, design in zip(self.items, briefs, designs or [None] * len(briefs), strict=True):
             free = _free_places(brief, design)
-            self.targets.append([_same_kind(free, item) for item in items] + [[]] * (shape[1] - len(items)))
+            alike = [[place for place in free if place.kind == item.kind] for item in items]
+            self.targets.append(alike + [[]] * (shape[1] - len(items)))
 
     @property
     def actions(self) -> int:

@@ -21,7 +21,7 @@ from layoutrl.env.rooms_env import MAX_MOVES, RoomsEnv, picture, simulator_of
 from layoutrl.env.rooms_observation import RoomsObservation
 from layoutrl.env.rooms_simulator import State
 from layoutrl.env.simulator import Moves
-from layoutrl.env.vector_env import array, checked_actions, masked, reseeded
+from layoutrl.env.vector_env import array, checked_actions, masked, reseeded, told
 from layoutrl.rooms.room import Room
 
 
@@ -140,11 +140,9 @@ class RoomsVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         state = self._running
         self._length, self._legal = self.simulator.reach(state)
         terms = self.simulator.reward(state)
-        told = {name: array(term.double()) for name, term in terms._asdict().items()}
         taken = state.stands.gather(1, state.moving[:, None]).squeeze(1)
         item = state.moving.where(taken, -1)
-        now = {"legal": self._legal, "item": item, "room": state.room, "illegal": illegal}
-        info = masked(told | {name: array(values) for name, values in now.items()}, self.num_envs)
+        info = told(terms, self.num_envs, legal=self._legal, item=item, room=state.room, illegal=illegal)
         return array(self._observe(state)), array(terms.total.double()), info
 
     def _measures(self) -> dict[str, Any]:

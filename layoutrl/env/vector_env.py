@@ -106,7 +106,8 @@ class LayoutVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         if self.render_mode is not None:
             self._path.append(step.next_position)
         observation = array(self._observe(step.room, step.next_position))
-        info = self._told(step.room, step.next_position, step.next_legal, step.terms, ~step.legal)
+        now = {"legal": step.next_legal, "position": step.next_position, "room": step.room, "illegal": ~step.legal}
+        info = told(step.terms, self.num_envs, **now)
         ended = len(step.ended) > 0
         if ended:
             final = {"final_obs": np.fromiter(observation, object, self.num_envs), "final_info": info}
@@ -141,15 +142,9 @@ class LayoutVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         room, position, legal = episodes.room, episodes.position, episodes.legal
         self._path = [position]
         terms = self.simulator.reward(room, position)
-        info = self._told(room, position, legal, terms, illegal=torch.zeros_like(room, dtype=torch.bool))
+        illegal = torch.zeros_like(room, dtype=torch.bool)
+        info = told(terms, self.num_envs, legal=legal, position=position, room=room, illegal=illegal)
         return array(self._observe(room, position)), info
-
-    def _told(
-        self, room: Tensor, position: Tensor, legal: Tensor, terms: RewardTerms[Tensor], illegal: Tensor
-    ) -> dict[str, Any]:
-        rewards = {name: array(term.double()) for name, term in terms._asdict().items()}
-        info = {"legal": legal, "position": position, "room": room, "illegal": illegal}
-        return masked(rewards | {name: array(values) for name, values in info.items()}, self.num_envs)
 
 
 def reseeded(
@@ -188,6 +183,12 @@ def checked_actions(actions: np.ndarray, num_envs: int, count: int, device: torc
     if outside.any():
         raise ValueError(f"actions: expected 0 to {count - 1}; got {array(action)[array(outside)][0]}")
     return whole
+
+
+def told(terms: RewardTerms[Tensor], num_envs: int, **now: Tensor) -> dict[str, Any]:
+    """What info has at every step, in Gymnasium's form: the terms of the reward, and what is so `now`."""
+    rewards = {name: array(term.double()) for name, term in terms._asdict().items()}
+    return masked(rewards | {name: array(values) for name, values in now.items()}, num_envs)
 
 
 def masked(info: dict[str, Any], num_envs: int) -> dict[str, Any]:

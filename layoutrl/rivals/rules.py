@@ -12,7 +12,7 @@ import shapely
 
 from layoutrl.env.geometry import CONTACT
 from layoutrl.env.simulator import Simulator
-from layoutrl.rooms.fitting import center_range, edges, fitting_positions
+from layoutrl.rooms.fitting import center_range, edges, fitting_positions, relative_place
 from layoutrl.rooms.room import SYMMETRIES, TOLERANCE, Room, symmetry
 
 MILLIMETRE = 3  # decimals of a metre
@@ -103,7 +103,7 @@ def nearest_room_place(simulator: Simulator, room: np.ndarray, training: Sequenc
     inside it.
     """
     pairs = np.array([_features(r) for r in training])  # (training, 3, 2)
-    relative = np.array([_relative_place(r) for r in training])
+    relative = np.array([relative_place(r, r.moving) for r in training])
     category, group = np.array([r.moving.category for r in training]), np.array([r.group for r in training])
     # Sizes have no sign that a symmetry could change.
     views = [symmetry(*which) for which in SYMMETRIES]
@@ -114,7 +114,9 @@ def nearest_room_place(simulator: Simulator, room: np.ndarray, training: Sequenc
         if not (own := group == r.group).all():
             unlike[:, own] = np.inf
         view, k = np.unravel_index(np.argmin(unlike), unlike.shape)
-        places.append(_from_relative(r, 0.5 + views[view] @ (relative[k] - 0.5)))
+        low, high = center_range(r, r.moving)
+        there = np.clip(0.5 + views[view] @ (relative[k] - 0.5), 0, 1)
+        places.append(low + there * np.maximum(high - low, 0))
     return np.array(places)[room]
 
 
@@ -124,14 +126,3 @@ def _features(room: Room) -> np.ndarray:
     doors = room.doors or room.openings
     at = doors[0].shape.centroid if doors else room.indoor.centroid
     return np.array([[x1 - x0, y1 - y0], [c - a, d - b], [at.x - (x0 + x1) / 2, at.y - (y0 + y1) / 2]])
-
-
-def _relative_place(room: Room) -> np.ndarray:
-    """Return the designer's place (2,) between the ends of `center_range`: 0 to 1 along each axis."""
-    low, high = center_range(room, room.moving)
-    return (np.array(room.moving.center) - low) / np.maximum(high - low, 1e-9)
-
-
-def _from_relative(room: Room, relative: np.ndarray) -> np.ndarray:
-    low, high = center_range(room, room.moving)
-    return low + np.clip(relative, 0, 1) * np.maximum(high - low, 0)

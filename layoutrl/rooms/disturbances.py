@@ -47,7 +47,8 @@ def disturbed(rooms: Sequence[Room], rngs: Sequence[np.random.Generator]) -> lis
             wrong = faults_from_entrance([room for room, _ in tried.values()]) if tried else []
             for (n, (room, name)), faults in zip(tried.items(), wrong, strict=True):
                 if not faults:
-                    result[n] = _walled(room, wall_thickness(rooms[n])), [*result[n][1], name]
+                    walls = wall_band(room.outline, room.holes, room.openings, wall_thickness(rooms[n]))
+                    result[n] = replace(room, walls=walls), [*result[n][1], name]
     return result
 
 
@@ -120,11 +121,6 @@ def without(room: Room, piece: Polygon) -> Room | None:
         if shapely.area(opening.shape.intersection(after)) < KEPT * shapely.area(opening.shape.intersection(before)):
             return None
     return replace(room, outline=_ring(left.exterior), holes=tuple(_ring(hole)[::-1] for hole in left.interiors))
-
-
-def _walled(room: Room, thickness: float) -> Room:
-    """Return the room with walls drawn anew from its outline, holes and openings."""
-    return replace(room, walls=wall_band(room.outline, room.holes, room.openings, thickness))
 
 
 def _corner(room: Room, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import cached_property, lru_cache
+from functools import cached_property, lru_cache, wraps
+from typing import Concatenate, ParamSpec, TypeVar
 
 import numpy as np
 import shapely
@@ -15,6 +17,8 @@ from layoutrl.rooms.room import TOLERANCE, Item, Opening, Room, along_and_throug
 DOOR_CLEARANCE = 0.3  # metres before and behind a door that are needed to pass it
 WIDEST_LEAF = 1.2  # metres: wider doors slide, or have two leaves
 STEPS = 9  # straight lines for the arc that a leaf sweeps
+P = ParamSpec("P")
+T = TypeVar("T")
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,9 +40,27 @@ class Leaf:
         return shapely.Polygon([self.hinge, *self.arc(STEPS)])
 
 
+def without_furniture(work: Callable[Concatenate[Room, P], T]) -> Callable[Concatenate[Room, P], T]:
+    """Do the work for the room without furniture, which many layouts share, and keep what it returns."""
+    kept = lru_cache(maxsize=1024)(work)
+
+    @wraps(work)
+    def of(room: Room, /, *args: P.args, **kwargs: P.kwargs) -> T:
+        return kept(replace(room, furniture=(), target=None), *args, **kwargs)  # type: ignore[arg-type]
+
+    return of
+
+
+@without_furniture
 def kept_free(room: Room) -> shapely.Geometry:
     """Return the area to keep free: windows, doors, and the floor before and behind each door."""
-    return _kept_free(_bare(room))
+    zones = [window.shape for window in room.windows]
+    border = room.indoor.boundary
+    for door in room.doors:
+        _, through = along_and_through(door.shape, border)
+        x, y = DOOR_CLEARANCE * through / np.hypot(*through)
+        zones.append(shapely.union(translate(door.shape, x, y), translate(door.shape, -x, -y)).convex_hull)
+    return shapely.union_all(zones)
 
 
 def entrance(room: Room) -> Opening | None:
@@ -78,19 +100,36 @@ def in_the_way(room: Room) -> list[Item]:
     return [i for i in room.furniture if i.center and (i.form == "circle" or i.rotation is not None) and bars(i)]
 
 
+@without_furniture
 def empty_floor(room: Room, radius: float) -> shapely.Geometry:
     """Return where the centre of a disc of this radius (metres) can be in the empty room. Doors are wide open."""
-    return _empty_floor(_bare(room), radius)
+    walls = room.indoor.boundary - shapely.union_all([door.shape for door in room.doors]).buffer(TOLERANCE)
+    return room.indoor - walls.buffer(radius)
 
 
+@without_furniture
 def door_widths(room: Room) -> tuple[float, ...]:
     """How wide each door is, in metres."""
-    return _door_widths(_bare(room))
+    border = room.indoor.boundary
+    return tuple(float(np.hypot(*along_and_through(door.shape, border)[0])) for door in room.doors)
 
 
+@without_furniture
 def leaves(room: Room) -> tuple[tuple[Leaf, Leaf] | None, ...]:
     """Return the leaf of each door, hung at one end and at the other; None for a door wider than WIDEST_LEAF."""
-    return _leaves(_bare(room))
+    border, hung = room.indoor.boundary, list[tuple[Leaf, Leaf] | None]()
+    for door in room.doors:
+        along, through = along_and_through(door.shape, border)
+        width = float(np.hypot(*along))
+        middle = np.array(door.shape.minimum_rotated_rectangle.centroid.coords[0])
+        beyond = through * (0.5 + TOLERANCE / np.hypot(*through))
+        off = shapely.distance(room.indoor, shapely.points([middle + beyond, middle - beyond]))
+        inward = through / np.hypot(*through) * (1 if off[0] <= off[1] else -1)
+        one, other = (middle + abs(through @ inward) / 2 * inward + side * along / 2 for side in (-1, 1))
+        ahead = width * inward
+        both = Leaf(one, other, one + ahead), Leaf(other, one, other + ahead)
+        hung.append(both if width < WIDEST_LEAF + TOLERANCE else None)
+    return tuple(hung)
 
 
 def drawn_leaves(room: Room) -> list[Leaf | None]:
@@ -116,48 +155,3 @@ def _wide_doors(room: Room) -> list[Opening]:
     """Return the doors as wide as the `way_width`, less 1 cm."""
     wide = way_width(room) - TOLERANCE
     return [door for door, width in zip(room.doors, door_widths(room), strict=True) if width >= wide]
-
-
-def _bare(room: Room) -> Room:
-    """Return the room without furniture, which many layouts share: the caches are keyed by it."""
-    return replace(room, furniture=(), target=None)
-
-
-@lru_cache(maxsize=1024)
-def _door_widths(room: Room) -> tuple[float, ...]:
-    border = room.indoor.boundary
-    return tuple(float(np.hypot(*along_and_through(door.shape, border)[0])) for door in room.doors)
-
-
-@lru_cache(maxsize=1024)
-def _empty_floor(room: Room, radius: float) -> shapely.Geometry:
-    walls = room.indoor.boundary - shapely.union_all([door.shape for door in room.doors]).buffer(TOLERANCE)
-    return room.indoor - walls.buffer(radius)
-
-
-@lru_cache(maxsize=1024)
-def _kept_free(room: Room) -> shapely.Geometry:
-    zones = [window.shape for window in room.windows]
-    border = room.indoor.boundary
-    for door in room.doors:
-        _, through = along_and_through(door.shape, border)
-        x, y = DOOR_CLEARANCE * through / np.hypot(*through)
-        zones.append(shapely.union(translate(door.shape, x, y), translate(door.shape, -x, -y)).convex_hull)
-    return shapely.union_all(zones)
-
-
-@lru_cache(maxsize=1024)
-def _leaves(room: Room) -> tuple[tuple[Leaf, Leaf] | None, ...]:
-    border, hung = room.indoor.boundary, list[tuple[Leaf, Leaf] | None]()
-    for door in room.doors:
-        along, through = along_and_through(door.shape, border)
-        width = float(np.hypot(*along))
-        middle = np.array(door.shape.minimum_rotated_rectangle.centroid.coords[0])
-        beyond = through * (0.5 + TOLERANCE / np.hypot(*through))
-        off = shapely.distance(room.indoor, shapely.points([middle + beyond, middle - beyond]))
-        inward = through / np.hypot(*through) * (1 if off[0] <= off[1] else -1)
-        one, other = (middle + abs(through @ inward) / 2 * inward + side * along / 2 for side in (-1, 1))
-        ahead = width * inward
-        both = Leaf(one, other, one + ahead), Leaf(other, one, other + ahead)
-        hung.append(both if width < WIDEST_LEAF + TOLERANCE else None)
-    return tuple(hung)

@@ -52,3 +52,9 @@ def center_range(room: Room, item: Item) -> tuple[np.ndarray, np.ndarray]:
     """The lowest and highest centre at which the item, as it is turned, lies within the outline's bounding box."""
     bounds, around = np.array(room.indoor.bounds), np.array(item.template.bounds)
     return bounds[:2] - around[:2], bounds[2:] - around[2:]
+
+
+def relative_place(room: Room, item: Item) -> np.ndarray:
+    """Where the item's centre lies between the ends of `center_range`: (2,), 0 to 1 along each axis if inside."""
+    low, high = center_range(room, item)
+    return (np.array(item.center) - low) / np.maximum(high - low, 1e-9)

@@ -36,9 +36,8 @@ from layoutrl.runs.ranges import (
     check_annealer,
     check_begin,
     check_data,
-    check_fold,
     check_method,
-    check_name,
+    check_new,
     check_of_source,
     check_search,
     names_folder,
@@ -157,9 +156,7 @@ class TrainConfig(LearningConfig):
 
     def check_used(self) -> None:
         """Raises InputError for options without effect. Not part of __post_init__: older runs may have them."""
-        check_of_source(self.data)
-        check_fold(self.fold, self.data)
-        check_name("method", self.method.name)
+        check_new(self.data, self.fold, self.method.name)
         whole, faces_away, own_share = self.method.scope == "room", self.reward.faces_away, self.method.own_share
         useful = self.reward.theta4 == 0 or whole
         within("reward", "a fourth term", useful, "none with scope=item, as reward=usable is of whole rooms")
@@ -217,9 +214,7 @@ class PlanitCommand(PlanitConfig):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        check_of_source(self.data)
-        check_fold(self.fold, self.data)
-        check_name("method", self.method.name)
+        check_new(self.data, self.fold, self.method.name)
 
 
 @dataclass
@@ -235,9 +230,7 @@ class TrainCommand(TrainConfig):
             check_begin(self.method, cards()[self.room.type]["method"])
 
 
-AS_IN_THE_RUN = Data(
-    source=None, labels=None, train_rooms=None, test_rooms=None, seed=None, disturbed=None, strict=None, unit=None
-)
+AS_IN_THE_RUN = Data(**dict.fromkeys(option.name for option in fields(Data)))
 
 
 @dataclass

@@ -146,16 +146,12 @@ def check_of_source(data: Data) -> None:
         within(f"data.{name}", value, used, f"none, as it is of data={' or '.join(sources)} alone")
 
 
-def check_fold(fold: int, data: Data) -> None:
-    """Raises InputError for a fold of the designer's rooms. Not part of `check_data`: older runs may have one."""
-    within(
-        "fold", fold, fold == 0 or data.source != "designer", "0, as the designer makes rooms of their own to test in"
-    )
-
-
-def check_name(prefix: str, name: str) -> None:
-    """Raises InputError where the name of a method cannot be a part of its run's. Older runs may have such a name."""
-    within(f"{prefix}.name", name, names_folder(name), FOLDER)
+def check_new(data: Data, fold: int, method_name: str) -> None:
+    """Raises InputError for what no new run may have, though older ones may."""
+    check_of_source(data)
+    usual = "0, as the designer makes rooms of their own to test in"
+    within("fold", fold, fold == 0 or data.source != "designer", usual)
+    within("method.name", method_name, names_folder(method_name), FOLDER)
 
 
 def check_begin(method: Method, before: Mapping[str, Any]) -> None:

@@ -43,15 +43,14 @@ def evaluate_rooms(
     began = time.perf_counter()
     layouts = best_layouts(furnisher, briefs)
     seconds = time.perf_counter() - began
-    ways: dict[str, Callable[[], list[Room]]] = {
-        "agent": lambda: layouts,
-        "designer": lambda: list(designs),
-        "random": lambda: _each(briefs, random_seed, random_layout),
-        "nearest room": lambda: _each(briefs[:COMPARED], nearest_seed, lambda b, rng: nearest_layout(b, training, rng)),
+    ways = {
+        "agent": layouts,
+        "designer": list(designs),
+        "random": _each(briefs, random_seed, random_layout),
+        "nearest room": _each(briefs[:COMPARED], nearest_seed, lambda b, rng: nearest_layout(b, training, rng)),
     }
     rows, ious = {}, {}
-    for name, furnish in ways.items():
-        done = furnish()
+    for name, done in ways.items():
         measures = measured(done, designs[: len(done)])
         found, ious[name] = summary(measures), measures.iou
         rows[name] = {measure: value["mean"] for measure, value in found.items()}

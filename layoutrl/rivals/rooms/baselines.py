@@ -12,7 +12,7 @@ import shapely
 from layoutrl.env.geometry import CONTACT
 from layoutrl.rooms.brief import Pose, facings, missing, standing, with_poses
 from layoutrl.rooms.clearances import angle_off
-from layoutrl.rooms.fitting import center_range, fitting_positions
+from layoutrl.rooms.fitting import fitting_positions, relative_place
 from layoutrl.rooms.room import SYMMETRIES, Item, Room, symmetry
 
 DRAWS = 100  # points drawn in the box around all places, before the nearest place is taken; unsourced: seldom reached
@@ -163,8 +163,7 @@ def _pushed(brief: Room, item: Item, model: Room, other: Item) -> Pose | None:
     fits = _fitting(brief, item, degrees)
     if fits.is_empty:
         return None
-    low, high = center_range(model, other)
-    share = np.clip((np.array(other.center) - low) / np.maximum(high - low, 1e-9), 0, 1)
+    share = np.clip(relative_place(model, other), 0, 1)
     x0, y0, x1, y1 = fits.bounds
     wanted = shapely.Point(np.array([x0, y0]) + share * (x1 - x0, y1 - y0))
     x, y = shapely.shortest_line(fits, wanted).coords[0]

@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Literal
 
-from layoutrl import InputError
 from layoutrl.rooms.categories import names_of
 from layoutrl.rooms.collection import Collection
 from layoutrl.rooms.files import check_not_given, read_rooms
 from layoutrl.rooms.room import MAIN_ITEM
-from layoutrl.rooms.sources import designer_rooms, floorplans, front3d, procthor, sweethome3d
+from layoutrl.rooms.sources import floorplans, front3d, procthor, sweethome3d
 
 READERS = {"sweethome3d": sweethome3d.read, "procthor": procthor.read, "front3d": front3d.read}  # of whole homes
 FILES = ("floorplans", "designer_rooms", "json", *READERS)
@@ -19,35 +17,6 @@ FILES = ("floorplans", "designer_rooms", "json", *READERS)
 def main_item(source: str, room_type: str) -> str:
     """Return the category of the item that `main` chooses: the paper's, or for floor plans one that they hold."""
     return floorplans.MAIN_ITEM[room_type] if source == "floorplans" else MAIN_ITEM[room_type]
-
-
-def read_files(
-    source: str,
-    room_type: str,
-    root: Path | None,
-    labels: Literal["snapped", "raw"],
-    strict: bool,
-    unit: str,
-    categories: Path | None,
-) -> Collection:
-    """Return the rooms of one type in a source's files.
-
-    `labels` is used by floorplans alone, `strict` and `unit` by json, `categories` by homes and houses. Raises
-    InputError for an unknown source, no root, a root without files, and a room type that the source does not have.
-    """
-    if source not in FILES:
-        raise InputError(f"data.source: expected one of designer, {', '.join(FILES)}; got {source}")
-    if root is None:
-        raise InputError(f"data.root: {source} expects the folder of its files, as data.root=<folder>")
-    if source == "floorplans":
-        return floorplans.read(root, room_type, labels)
-    if source == "designer_rooms":
-        return designer_rooms.read(root, room_type)
-    collection = read_homes(source, root, categories, strict, unit)
-    others = [room for room in collection.rooms if room.room_type != room_type]
-    collection.left_out += [(room.id, f"the room is a {room.room_type}, not a {room_type}") for room in others]
-    collection.rooms = [room for room in collection.rooms if room.room_type == room_type]
-    return collection
 
 
 def read_homes(

@@ -13,7 +13,7 @@ from layoutrl.rooms.collection import Collection, all_standing, choose_item, spl
 from layoutrl.rooms.designer.generator import Part
 from layoutrl.rooms.disturbances import disturbed
 from layoutrl.rooms.room import Room
-from layoutrl.rooms.sources import designer_cache, read_files
+from layoutrl.rooms.sources import designer_cache, designer_rooms, floorplans, read_homes
 
 
 @dataclass
@@ -37,11 +37,23 @@ class Data:
         return None if self.root is None else Path(self.root).expanduser()
 
     def read(self, room_type: str) -> Collection:
-        """Return the rooms of one type in the source's files. Raises InputError as `read_files` does."""
-        assert self.source is not None
+        """Return the rooms of one type in the source's files.
+
+        Raises InputError for no root, a root without files, and a room type that the source does not have.
+        """
+        source, root = str(self.source), self.path
+        if root is None:
+            raise InputError(f"data.root: {source} expects the folder of its files, as data.root=<folder>")
+        if source == "floorplans":
+            return floorplans.read(root, room_type, self.labels)
+        if source == "designer_rooms":
+            return designer_rooms.read(root, room_type)
         categories = None if self.categories is None else Path(self.categories).expanduser()
-        strict, unit = bool(self.strict), self.unit or "auto"
-        return read_files(self.source, room_type, self.path, self.labels, strict, unit, categories)
+        collection = read_homes(source, root, categories, bool(self.strict), self.unit or "auto")
+        others = [room for room in collection.rooms if room.room_type != room_type]
+        collection.left_out += [(room.id, f"the room is a {room.room_type}, not a {room_type}") for room in others]
+        collection.rooms = [room for room in collection.rooms if room.room_type == room_type]
+        return collection
 
 
 def parts_of(scope: str, room_type: str, item: str, data: Data, fold: int) -> tuple[list[Room], list[Room]]:
