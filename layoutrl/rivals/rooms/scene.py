@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
@@ -66,6 +67,20 @@ class Scene:
         """The box (4,) around the floor."""
         x0, y0, x1, y1 = self.solids[:4].T
         return np.array([x1[0], y1[1], x0[2], y0[3]])
+
+    @cached_property
+    def barred(self) -> tuple[list[Array], Array]:
+        """Where the solids, grown by half a passage, bar the way: at `stops` along x and y, bool (stops, stops).
+
+        Stops are the sides of what is grown, in order, and the middles between them. Many layouts share the solids.
+        """
+        grown = self.solids + (self.radius - SLACK) * np.array([-1, -1, 1, 1])
+        stops, inside = [], []
+        for axis in (0, 1):
+            lines = np.unique(np.clip(grown[:, axis::2], *self.bounds[axis::2]))
+            stops.append(np.sort(np.concatenate([lines, (lines[:-1] + lines[1:]) / 2])))
+            inside.append(_inside(grown[:, axis::2], stops[axis]))
+        return stops, np.matmul(inside[0].T, inside[1]) > 0
 
     def layout(self, center: Array, quarter: Array, placed: Array | None = None) -> Room:
         """Return the brief with items at centres (n, 2) and facings (n,); those not `placed` (n,) get no centre."""
@@ -224,24 +239,24 @@ def unreached(scene: Scene, boxes: Array) -> Array:
     count = boxes.shape[:2]
     if not scene.doors or not boxes.size:
         return np.zeros(count[0])
-    radius = scene.radius - SLACK
-    obstacles = np.concatenate(
-        [np.broadcast_to(scene.solids, (count[0], *scene.solids.shape)), boxes[:, ~scene.stands_aside]], 1
-    )
-    grown = obstacles + radius * np.array([-1, -1, 1, 1])
-    spans, inside, near, beside = [], [], [], []
+    stops, barred = scene.barred
+    grown = boxes[:, ~scene.stands_aside] + (scene.radius - SLACK) * np.array([-1, -1, 1, 1])
+    spans, at_stop, inside, near, beside = [], [], [], [], []
     for axis in (0, 1):
-        lines = np.sort(np.clip(grown[..., axis::2].reshape(count[0], -1), *scene.bounds[axis::2]), 1)
+        sides = np.clip(grown[..., axis::2].reshape(count[0], -1), *scene.bounds[axis::2])
+        lines = np.sort(np.concatenate([np.tile(stops[axis][::2], (count[0], 1)), sides], 1), 1)
         cells = np.stack([lines[:, :-1], lines[:, 1:]], -1)[:, None]  # (C, 1, cells, 2)
         middle = cells.mean(-1)
         spans.append(cells[:, 0])
-        inside.append((grown[..., axis, None] + TOUCH < middle) & (middle < grown[..., axis + 2, None] - TOUCH))
+        side = np.searchsorted(stops[axis][::2], middle[:, 0] + TOUCH, "right") - 1
+        at_stop.append(2 * side + (middle[:, 0] - stops[axis][2 * side] > TOUCH))
+        inside.append(_inside(grown[..., axis::2], middle))
         low, high = boxes[..., axis, None], boxes[..., axis + 2, None]
         within = scene.radius + TOLERANCE
         near.append((cells[..., 0] <= high + within) & (cells[..., 1] >= low - within))
         beside.append((cells[..., 0] <= high) & (cells[..., 1] >= low))
-    x, y = (part.astype(np.float32) for part in inside)
-    free = np.matmul(x.swapaxes(1, 2), y) == 0  # (C, cells along x, cells along y)
+    free = np.matmul(inside[0].swapaxes(1, 2), inside[1]) == 0  # (C, cells along x, cells along y)
+    free &= ~barred[at_stop[0][:, :, None], at_stop[1][:, None]]
     from scipy import ndimage  # here: it takes a third of a second to load, and every command's options import rivals
 
     parts, _ = ndimage.label(free, _WITHIN_A_LAYOUT)
@@ -256,6 +271,11 @@ def unreached(scene: Scene, boxes: Array) -> Array:
         columns = np.matmul(of_x.astype(np.float32), walked)  # (C, n, cells along y)
         reached |= (columns * of_y).sum(-1) > 0
     return (~reached).sum(1).astype(float)
+
+
+def _inside(span: Array, point: Array) -> Array:
+    """Whether points (..., p) are inside spans (..., k, 2): float32 (..., k, p), to be multiplied."""
+    return ((span[..., :1] + TOUCH < point) & (point < span[..., 1:] - TOUCH)).astype(np.float32)
 
 
 _WITHIN_A_LAYOUT = np.zeros((3, 3, 3), dtype=bool)
