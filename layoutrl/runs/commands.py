@@ -275,8 +275,12 @@ def check_flags(arguments: list[str], of_files: Sequence[str]) -> None:
         raise InputError("--experimental-rerun: Hydra's, which runs of layoutrl do not have; expected other options")
     for argument in arguments:
         group, _, names = argument.lstrip("+").partition("=")
-        if group.split("@")[0] in of_files and "null" in names.strip("[]").casefold().split(","):
+        if group.split("@")[0] not in of_files:
+            continue
+        if "null" in names.strip("[]").casefold().split(","):
             raise InputError(f"{group}: expected the name of one; --help lists them; got null")
+        if names.startswith("["):  # Hydra would take the last alone
+            raise InputError(f"{group}: expected the name of one; got {names}; several are tried by -m and commas")
 
 
 def is_sweep(arguments: list[str]) -> bool:
@@ -287,11 +291,11 @@ def is_sweep(arguments: list[str]) -> bool:
 def as_written(arguments: list[str], schema: type, *, sweeps: bool = False) -> list[str]:
     """Return the arguments, values of text options quoted, so that Hydra reads no number, list or blank into them.
 
-    In a sweep commas separate values, and the user has to quote a text that contains one. Raises InputError for a value
-    without an option, and for an option with dashes before it.
+    So are the names of files that a group lacks. In a sweep commas separate values, and the user has to quote a text
+    that contains one. Raises InputError for a value without an option, and for an option with dashes before it.
     """
-    kinds = options(schema)
-    texts = {name for name, kind in kinds.items() if kind in (str, str | None)}
+    kinds, of_files = options(schema), {folder.name for folder in config_directory().iterdir() if folder.is_dir()}
+    texts = of_files.union(name for name, kind in kinds.items() if kind in (str, str | None))
     sweeps = sweeps or is_sweep(arguments)
 
     def quoted(argument: str) -> str:
@@ -299,10 +303,13 @@ def as_written(arguments: list[str], schema: type, *, sweeps: bool = False) -> l
             raise InputError(f"{argument}: expected <option>=<value>; --help shows all options")
         key, equals, value = argument.partition("=")
         bare = key.removeprefix("--").replace("-", "_")
-        if key.startswith("--") and bare in kinds and (bare != "run" or equals):  # --run alone is Hydra's own
+        is_option = bare in (kinds.keys() | of_files)
+        if key.startswith("--") and is_option and (bare != "run" or equals):  # --run alone is Hydra's own
             raise InputError(f"{argument}: expected <option>=<value> without dashes, as {bare}=...")
+        if (config_directory() / key / f"{value}.yaml").is_file():
+            return argument
         plain = key in texts and equals and value != "null" and value[:1] not in ("'", '"') and "${" not in value
-        if not plain or (sweeps and re.search(r"[,()]", value)):
+        if not plain or ((sweeps or key in of_files) and re.search(r"[,()]", value)):
             return argument
         # A backslash escapes only a quote, or one that stands before a quote.
         escaped = re.sub(r"(\\*)('|$)", lambda found: 2 * found[1] + ("\\'" if found[2] else ""), value)

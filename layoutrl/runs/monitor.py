@@ -109,6 +109,7 @@ def reported(
             board(custom_scalars(layout), 0)
         for report in training:
             found: dict[str, Any] = flat(vars(report), between="/")
+            found = {tag: value for tag, value in found.items() if tag.startswith("loss") or not math.isnan(value)}
             for tag, value in found.items():
                 if tag.split("/")[0] == "loss" and not math.isfinite(value):
                     raise InputError(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import os
 import shlex
 import shutil
 import signal
@@ -353,6 +354,10 @@ def stopped_by_signals(training: Stoppable) -> Iterator[None]:
 
     def stop(number: int, _: FrameType | None) -> None:
         training.stopping = True
+        if sys.stderr:  # not by print, which may be what was interrupted
+            os.write(
+                2, b"\nstops after this update, and saves; the same signal again: stops at once, and does not save\n"
+            )
         signal.signal(number, before[signal.Signals(number)])
 
     main = threading.current_thread() is threading.main_thread()  # no other thread can handle signals

@@ -82,6 +82,13 @@ def ask(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureF
             "room: expected one of balcony, bathroom, bedroom, dining_room, kitchen, living_room, study, tatami;",
         ),
         ("room=bedroom,study", "room: expected one value; got bedroom,study; add -m to try several"),
+        ("room=[bedroom,study]", "room: expected the name of one; got [bedroom,study]; several are tried by -m and"),
+        (
+            "room=1",
+            "room: expected one of balcony, bathroom, bedroom, dining_room, kitchen, living_room, study, tatami;",
+        ),
+        ("budget=true", "budget: expected one of default, full, scene, smoke; got true"),
+        ("task=2", "task: unknown; expected the name of an option"),
         ("+room=study", "room: has a value already; expected room=<value>, without +"),
         ("seed=one", "seed: expected a whole number; got one"),
         ("seed=", "seed: expected a whole number; got nothing"),
@@ -189,6 +196,7 @@ def test_only_texts_are_quoted_and_a_sweep_goes_on_to_be_one() -> None:
     [
         ("--name", "name", TrainCommand),
         ("--seed=3", "seed", TrainCommand),
+        ("--room=bedroom", "room", TrainCommand),
         ("--data.root", "data.root", TrainCommand),
         ("--run=runs/x", "run", EvaluateConfig),
     ],
