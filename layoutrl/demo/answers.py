@@ -48,6 +48,7 @@ from layoutrl.rooms.oddities import (
     TURNED_AWAY,
     UNSEEN,
     WITHOUT_SEAT,
+    WITHOUT_WORKTOP,
     faults_and_oddities,
 )
 from layoutrl.rooms.room import MAIN_ITEM, Item, Room, RoomError
@@ -86,11 +87,12 @@ WORDS = {
     BEFORE_WINDOW: "stands before a window",
     IN_SWING: "stands where a door opens",
     ON_PLATFORM: "stands on a platform, where it does not belong, or half on it",
-    CROWDED: "has a wall or furniture right before it",
+    CROWDED: "has a wall or furniture too near",
     WITHOUT_SEAT: "stands before no sofa or armchair",
     OFF_ITS_BED: "does not stand beside the head of a bed",
     UNSEEN: "cannot be watched from a seat or bed",
-    TURNED_AWAY: "looks away from all others, or at the back of a seat",
+    TURNED_AWAY: "looks away from all others or from the television, or at the back of a seat",
+    WITHOUT_WORKTOP: "has no worktop beside it",
 }
 
 CENTER = re.compile(r"furniture\[(\d+)\]\.center")  # the field in an error about an item BEYOND the walls

@@ -125,9 +125,8 @@ def unlike(
 
 def wrong(layouts: Sequence[Room]) -> np.ndarray:
     """How much is wrong with what stands in each layout: FAULT for each item with a fault, 1 for each odd one: (B,)."""
-    placed = [replace(room, furniture=tuple(standing(room)), target=None) for room in layouts]
-    items = Items.of(placed)
-    return np.bincount(items.room, _blame(placed, items), len(layouts)).astype(int)
+    items = Items.of([replace(room, furniture=tuple(standing(room)), target=None) for room in layouts])
+    return np.bincount(items.room, _blame(layouts, items), len(layouts)).astype(int)
 
 
 def wrong_at(rooms: RoomsSimulator, state: State[np.ndarray]) -> np.ndarray:

@@ -216,12 +216,17 @@ def free_fronts(layouts: Sequence[Room], items: Items, depth: np.ndarray) -> np.
     return result
 
 
-def floor_ahead(items: Items, those: np.ndarray, depth: np.ndarray) -> np.ndarray:
-    """Return the floor, `depth` (n,) metres deep, before `those` items (n,), without 1 cm all round: polygons (n,)."""
-    size = items.size[those]
-    ahead = facing(items, those) * (size[:, :1] + depth[:, None]) / 2
-    floor = np.stack([depth, size[:, 1]], -1) - 2 * TOLERANCE
-    return rectangles(items.center[those] + ahead, floor, items.degrees[those])
+def floor_ahead(items: Items, those: np.ndarray, depth: np.ndarray, quarter: int = 0) -> np.ndarray:
+    """Return the floor, `depth` (n,) metres deep, before `those` items (n,), without 1 cm all round: polygons (n,).
+
+    It is before the side that is so many quarter turns from the front.
+    """
+    size, degrees = items.size[those], items.degrees[those] + 90 * quarter
+    deep, wide = size.T if quarter % 2 == 0 else size.T[::-1]
+    angle = np.radians(degrees)
+    ahead = np.stack([np.cos(angle), np.sin(angle)], -1) * (deep + depth)[:, None] / 2
+    floor = np.stack([depth, wide], -1) - 2 * TOLERANCE
+    return rectangles(items.center[those] + ahead, floor, degrees)
 
 
 def facing(items: Items, those: np.ndarray) -> np.ndarray:

@@ -12,6 +12,7 @@ from layoutrl.rooms.doors import leaves
 from layoutrl.rooms.faults import (
     Fault,
     Items,
+    along_walls,
     by_layout,
     facing,
     faults_of_all,
@@ -27,12 +28,15 @@ OFF_ITS_WALL, ASTRAY, BEFORE_WINDOW = "off its wall", "not at its table", "befor
 IN_SWING, ON_PLATFORM = "in a door's swing", "on a platform"
 CROWDED, WITHOUT_SEAT, OFF_ITS_BED = "crowded", "not before a seat", "not at its bed"
 UNSEEN, TURNED_AWAY = "faced by no seat", "turned away"
+WITHOUT_WORKTOP = "without a worktop"
 ODDITIES = (
     OFF_ITS_WALL, ASTRAY, BEFORE_WINDOW, IN_SWING, ON_PLATFORM, CROWDED, WITHOUT_SEAT, OFF_ITS_BED, UNSEEN, TURNED_AWAY,
+    WITHOUT_WORKTOP,
 )  # fmt: skip
 NEAR = 0.05  # metres: an item no farther from its wall, table, window or the edge of a platform is at it
 CLOSED = 0.2  # metres of a window's length that a tall item may cover
 BACK = 1  # index of the back among the sides of an item, in the order of its corners
+LEFT, BEHIND_IT, RIGHT = 1, 2, 3  # quarter turns from the front of an item to another side
 
 # Categories that the designer always puts with their backs at a wall, in 300 rooms of every type; without those that
 # people also put in the middle of rooms: sofas, armchairs, lounge chairs.
@@ -48,11 +52,15 @@ LOUNGING = frozenset({"armchair", "loveseat", "lounge_chair", "sofa", "sofa_bed"
 BEDSIDE = 0.3  # metres; in designs a nightstand touches the head half of its bed
 AT_HAND = 0.6  # metres before a seat; in designs a coffee table is 0.4 m from its sofa, all of it before the seat
 FOR_FEET = 0.3  # metres before a seat, of which no design closes half
+TO_RISE = 0.2  # metres behind a chair at its table; in designs they are free
+FOR_ELBOWS = 0.35  # metres from the axis of a toilet; in designs 0.4 are free on both sides
+WORKTOP = 0.3  # metres of a side of a sink or cooktop; in designs a counter, or the other of them, adjoins as much
 BENCH_AT_TABLE = 0.3  # metres; in designs a bench is at most 0.05 m from a table
 WATCHED = 45  # degrees to both sides of where a TV unit and who watches it face; in designs it is straight ahead
 IN_VIEW = 60  # degrees to both sides of where a seat faces
 ROUNDED = 1e-9  # of a cosine: the page turns furniture by 15 degrees, and no turn of a room is to make a difference
 BEHIND = 1.5  # metres: in no design a seat looks at the back of another so near
+KITCHEN_LINE = frozenset({"counter", "sink", "cooktop"})
 BESIDE_PLATFORMS = frozenset({"chair", "desk", "stool"})  # in all of the authors' tatami rooms; wardrobes stand on them
 
 
@@ -74,17 +82,19 @@ def faults_and_oddities(layouts: Sequence[Room]) -> list[list[Fault]]:
 
 def item_oddities(layouts: Sequence[Room], items: Items) -> dict[str, np.ndarray]:
     """Return which items have each oddity: arrays (N,) by its name. Items that are not placed have none."""
+    strays = astray(layouts, items)
     return {
         OFF_ITS_WALL: off_their_walls(layouts, items),
-        ASTRAY: astray(layouts, items),
+        ASTRAY: strays,
         BEFORE_WINDOW: before_windows(layouts, items),
         IN_SWING: in_swings(layouts, items),
         ON_PLATFORM: on_platforms(items),
-        CROWDED: crowded(layouts, items),
+        CROWDED: crowded(layouts, items, ~strays),
         WITHOUT_SEAT: without_seats(items),
         OFF_ITS_BED: off_their_beds(items),
         UNSEEN: unseen(items),
         TURNED_AWAY: turned_away(items),
+        WITHOUT_WORKTOP: without_worktops(layouts, items),
     }
 
 
@@ -176,10 +186,12 @@ def on_platforms(items: Items) -> np.ndarray:
     return stands & shapely.intersects(floor, core) & ~whole
 
 
-def crowded(layouts: Sequence[Room], items: Items) -> np.ndarray:
-    """Whether a wall or another item takes some of the ROOM_BEFORE one of NEED_ROOM: (N,).
+def crowded(layouts: Sequence[Room], items: Items, at_tables: np.ndarray) -> np.ndarray:
+    """Whether a wall or another item takes some of the floor that an item needs: (N,); `at_tables` are not astray (N,).
 
-    So is a LOUNGING seat where other items, but no footstools, take more than half of what it has FOR_FEET.
+    That is the ROOM_BEFORE one of NEED_ROOM; what is FOR_ELBOWS on both sides of a toilet; and TO_RISE behind a chair
+    at its table. A LOUNGING seat is crowded where other items, but no footstools, take more than half of what it has
+    FOR_FEET.
     """
     depth = np.where(np.isin(items.category, list(NEED_ROOM)), ROOM_BEFORE, 0.0)
     result = items.placed & ~items.round & ~free_fronts(layouts, items, depth)
@@ -190,7 +202,28 @@ def crowded(layouts: Sequence[Room], items: Items) -> np.ndarray:
     meets = shapely.intersects(floor[a], items.footprint[stands[b]])
     taken = unions(items.footprint[stands[b[meets]]], a[meets], len(seats))
     result[seats] = shapely.area(shapely.intersection(floor, taken)) > shapely.area(floor) / 2
+
+    toilets = with_fronts(items, "toilet")
+    elbows = np.maximum(FOR_ELBOWS - items.size[toilets, 1] / 2, 3 * TOLERANCE)
+    for side in LEFT, RIGHT:
+        result[toilets] |= floor_taken(layouts, items, toilets, floor_ahead(items, toilets, elbows, side))
+    chairs = np.flatnonzero(items.placed & items.tucked & at_tables & (items.period == 360) & ~items.round)
+    behind = floor_ahead(items, chairs, np.full(len(chairs), TO_RISE), BEHIND_IT)
+    result[chairs] = floor_taken(layouts, items, chairs, behind)
     return result
+
+
+def floor_taken(layouts: Sequence[Room], items: Items, those: np.ndarray, floor: np.ndarray) -> np.ndarray:
+    """Whether a wall or another item takes some of the floor (n,), polygons, that `those` items (n,) need: (n,).
+
+    What is RAISED or lies `along_walls` does not count.
+    """
+    taken = ~shapely.covers(np.array([layout.indoor for layout in layouts])[items.room[those]], floor)
+    others = items.placed & ~np.isin(items.category, list(RAISED))
+    a, b = pairs(items.room[those], items.room)
+    meets = others[b] & (those[a] != b) & shapely.intersects(floor[a], items.footprint[b])
+    taken[a[meets & ~along_walls(layouts, items)[b]]] = True
+    return taken
 
 
 def placed_of(items: Items, *categories: str) -> np.ndarray:
@@ -241,14 +274,23 @@ def in_view(items: Items, a: np.ndarray, b: np.ndarray, degrees: float) -> np.nd
 
 
 def unseen(items: Items) -> np.ndarray:
-    """Whether an item is a TV unit in a room with LOUNGING seats or beds, and none is before it and faces it: (N,)."""
+    """Whether an item is a TV unit in a room with LOUNGING seats or beds, and none is before it and faces it: (N,).
+
+    Another seat, or a TALL item, must not stand between.
+    """
     unit, seat = together(items, with_fronts(items, "tv_unit"), with_fronts(items, *LOUNGING, "bed"))
-    return alone(items, unit, in_view(items, unit, seat, WATCHED) & in_view(items, seat, unit, WATCHED))
+    well = in_view(items, unit, seat, WATCHED) & in_view(items, seat, unit, WATCHED)
+    those, hides = np.flatnonzero(well), placed_of(items, *LOUNGING, *TALL)
+    sight = shapely.linestrings(np.stack([items.center[unit[those]], items.center[seat[those]]], 1))
+    a, b = pairs(items.room[unit[those]], items.room[hides])
+    between = (hides[b] != seat[those[a]]) & shapely.intersects(sight[a], items.footprint[hides[b]])
+    well[those[a[between]]] = False
+    return alone(items, unit, well)
 
 
 def turned_away(items: Items) -> np.ndarray:
     """Whether an item is a LOUNGING seat that faces none of the coffee tables, TV units and other seats of its room, if
-    there are any, or that looks at the back of another seat: (N,)."""
+    there are any, that looks at the back of another seat, or that has its back to a TV unit that faces it: (N,)."""
     seats = with_fronts(items, *LOUNGING)
     a, b = together(items, seats, placed_of(items, *LOUNGING, "coffee_table", "tv_unit"))
     result = alone(items, a, in_view(items, a, b, IN_VIEW))
@@ -257,7 +299,25 @@ def turned_away(items: Items) -> np.ndarray:
     sight = shapely.linestrings(np.stack([items.center[a], items.center[a] + facing(items, a) * reach], 1))
     alike = (facing(items, a) * facing(items, b)).sum(1) > np.sqrt(0.5) + ROUNDED  # within 45 degrees
     result[a[alike & shapely.intersects(sight, items.footprint[b])]] = True
+    a, b = together(items, seats, with_fronts(items, "tv_unit"))
+    result[a[in_view(items, b, a, WATCHED) & ~in_view(items, a, b, 180 - WATCHED)]] = True
     return result
+
+
+def without_worktops(layouts: Sequence[Room], items: Items) -> np.ndarray:
+    """Whether an item is a sink or cooktop in a room with counters, and none of all these adjoins it: (N,).
+
+    None is where a counter, sink or cooktop of the layout waits for its place: that may be beside it.
+    """
+    those = placed_of(items, "sink", "cooktop")
+    those = those[np.isin(items.room[those], items.room[placed_of(items, "counter")])]
+    waits = [any(i.center is None and i.category in KITCHEN_LINE for i in layout.furniture) for layout in layouts]
+    those = those[~np.array(waits, dtype=bool)[items.room[those]]]
+    a, b = together(items, those, placed_of(items, *KITCHEN_LINE))
+    item, other = items.footprint[a], items.footprint[b]
+    reaches = NEAR - shapely.distance(item, other)  # metres into the zone NEAR the item
+    adjoins = shapely.area(shapely.intersection(shapely.buffer(item, NEAR), other)) > reaches * WORKTOP
+    return alone(items, a, (reaches > 0) & adjoins)
 
 
 def alone(items: Items, those: np.ndarray, well: np.ndarray) -> np.ndarray:

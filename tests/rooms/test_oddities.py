@@ -26,6 +26,7 @@ from layoutrl.rooms.oddities import (
     TURNED_AWAY,
     UNSEEN,
     WITHOUT_SEAT,
+    WITHOUT_WORKTOP,
     faults_and_oddities,
     item_oddities,
     oddities,
@@ -393,3 +394,59 @@ def test_a_bench_stands_at_a_table(gap: float, odd: bool) -> None:
     assert oddities(furnished(table, bench)) == [(1, ASTRAY)] * odd
     assert not oddities(furnished(bench))
     assert not oddities(furnished(replace(table, category="desk", rotation=180), bench))
+
+
+@pytest.mark.parametrize("turned", [0, 1, 2, 3])
+@pytest.mark.parametrize(("aside", "odd"), [(0.33, True), (0.36, False)])
+def test_a_toilet_has_room_for_the_elbows_on_both_sides(aside: float, odd: bool, turned: int) -> None:
+    toilet = partial(Item, "toilet", (0.65, 0.4))
+    in_a_corner = toilet((0.325, aside), 0)
+    assert first_is(CROWDED, turned, in_a_corner) == odd
+    beside = Item("vanity", (0.5, 1.0), (0.25, 1.5 + aside + 0.5), 0)
+    assert first_is(CROWDED, turned, toilet((0.325, 1.5), 0), beside) == odd
+    assert not first_is(CROWDED, turned, toilet((0.325, 1.5), 0), replace(beside, center=(3.0, 1.5)))
+
+
+@pytest.mark.parametrize("turned", [0, 1, 2, 3])
+@pytest.mark.parametrize(("behind", "odd"), [(0.18, True), (0.22, False)])
+def test_who_sits_at_a_desk_can_rise(behind: float, odd: bool, turned: int) -> None:
+    desk, chair = Item("desk", (0.6, 1.2), (1.3 + behind, 1.5), 180), Item("chair", (0.5, 0.5), None, 0, tucked=True)
+    at_desk = replace(chair, center=(desk.center[0] - 0.55, 1.5))
+    against_wall = replace(at_desk, center=(behind + 0.25, 1.5)), replace(desk, center=(behind + 0.8, 1.5))
+    assert first_is(CROWDED, turned, *against_wall) == odd
+    back_to_back = replace(at_desk, center=(at_desk.center[0] - 0.5 - behind, 1.5), rotation=180)
+    its_desk = replace(desk, center=(back_to_back.center[0] - 0.55, 1.5), rotation=0)
+    assert first_is(CROWDED, turned, at_desk, desk, back_to_back, its_desk) == odd
+
+
+@pytest.mark.parametrize("turned", [0, 1, 2, 3])
+@pytest.mark.parametrize(("between", "odd"), [("armchair", True), ("wardrobe", True), ("coffee_table", False)])
+def test_no_television_is_watched_through_another_seat(between: str, odd: bool, turned: int) -> None:
+    unit, sofa = Item("tv_unit", (0.4, 1.2), (0.2, 1.5), 0), Item("sofa", (0.9, 1.4), (3.4, 1.5), 180)
+    there = Item(between, (0.6, 0.6), (2.0, 1.5), 90)
+    assert first_is(UNSEEN, turned, unit, sofa, there) == odd
+    assert not first_is(UNSEEN, turned, unit, sofa, replace(there, center=(2.0, 2.5)))
+
+
+@pytest.mark.parametrize("turned", [0, 1, 2, 3])
+@pytest.mark.parametrize(("rotation", "odd"), [(0, True), (40, True), (60, False), (180, False)])
+def test_no_seat_before_a_television_has_its_back_to_it(rotation: float, odd: bool, turned: int) -> None:
+    sofa, unit = Item("sofa", (0.8, 1.2), (1.8, 1.5), rotation), Item("tv_unit", (0.4, 1.2), (0.2, 1.5), 0)
+    beyond = Item("coffee_table", (0.5, 0.5), (3.0, 1.5), 0)
+    assert first_is(TURNED_AWAY, turned, sofa, unit, beyond) == odd
+    assert not first_is(TURNED_AWAY, turned, sofa, replace(unit, rotation=180), beyond)  # which faces the wall
+
+
+@pytest.mark.parametrize("turned", [0, 1, 2, 3])
+@pytest.mark.parametrize("category", ["sink", "cooktop"])
+def test_a_sink_and_a_cooktop_have_a_worktop_beside_them(category: str, turned: int) -> None:
+    one, counter = Item(category, (0.6, 0.6), (0.3, 1.0), 0), Item("counter", (0.6, 1.2), (0.3, 1.9), 0)
+    odd = partial(first_is, WITHOUT_WORKTOP, turned)
+    assert not odd(one, counter)
+    assert not odd(one, replace(counter, center=(0.3, 1.94)))
+    assert odd(one, replace(counter, center=(0.3, 2.0)))
+    assert odd(one, replace(counter, center=(0.9, 1.9)))  # they meet at a corner
+    assert not odd(one)  # no counter is to be beside it
+    other = Item("sink" if category == "cooktop" else "cooktop", (0.6, 0.6), (0.3, 0.4), 0)
+    assert not odd(one, replace(counter, center=(3.7, 1.9), rotation=180), other)
+    assert not odd(one, replace(counter, center=(3.7, 1.9), rotation=180), replace(other, center=None))  # it waits
