@@ -54,6 +54,7 @@ class RoomsVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         categories: Sequence[str] | None = None,
         elements: int | None = None,
         items: int | None = None,
+        gains: bool = False,
     ):
         check_render_mode(render_mode)
         check_at_least_one(num_envs=num_envs, max_moves=max_moves)
@@ -62,6 +63,7 @@ class RoomsVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         self.max_moves = max_moves
         self.measure = measure
         self.render_mode = render_mode
+        self.gains = gains
         self._reference, self._designs = simulator_of(rooms, moves, reward, categories, elements, items)
         self.simulator = BatchRoomsSimulator(self._reference, device)
         self._observe = RoomsObservation(self._reference, categories, device, elements)
@@ -90,6 +92,8 @@ class RoomsVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         self._state = either(legal, moved, state)
         self._moves_made += 1
         observation, reward, info = self._arrive(~legal)
+        if self.gains:
+            reward = self._gains(reward, info["item"], info["room"])
         ended = self._moves_made >= self.max_moves
         if ended:
             if self.measure:
@@ -132,6 +136,7 @@ class RoomsVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
                 *(torch.as_tensor(np.concatenate(values), device=device) for values in zip(*states, strict=True))
             )
         self._moves_made = 0
+        self._paid = np.zeros((self.num_envs, self.simulator.room_index.shape[1]))  # as RoomsEnv
         observation, _, info = self._arrive(torch.zeros(self.num_envs, dtype=torch.bool, device=device))
         return observation, info
 
@@ -144,6 +149,14 @@ class RoomsVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         item = state.moving.where(taken, -1)
         info = told(terms, self.num_envs, legal=self._legal, item=item, room=state.room, illegal=illegal)
         return array(self._observe(state)), array(terms.total.double()), info
+
+    def _gains(self, reward: np.ndarray, item: np.ndarray, room: np.ndarray) -> np.ndarray:
+        """Return rewards as gains, (num_envs,), as RoomsEnv does."""
+        taken, item = (item >= 0).nonzero()[0], item[item >= 0]
+        gains = np.zeros(self.num_envs)
+        gains[taken] = (reward[taken] - self._paid[taken, item]) / self._reference.count[room[taken]]
+        self._paid[taken, item] = reward[taken]
+        return gains
 
     def _measures(self) -> dict[str, Any]:
         """Return the measures in Gymnasium's form of info, 0 and masked for rooms whose design is unknown."""

@@ -173,11 +173,27 @@ def assert_same(told: Any, expected: Any) -> None:
         np.testing.assert_allclose(told, expected, rtol=0, atol=2e-2 if np.asarray(told).dtype == float else 2e-6)
 
 
-@pytest.mark.parametrize("more", [0, 3])
-def test_the_vector_environment_tells_what_as_many_single_ones_tell(more: int) -> None:
+def test_with_gains_an_episode_returns_the_mean_of_the_items_last_rewards() -> None:
+    paid, item_alone, rng = RoomsEnv(BEDROOMS, gains=True), RoomsEnv(BEDROOMS), np.random.default_rng(0)
+    for room, design in enumerate(BEDROOMS):
+        _, info = paid.reset(seed=room, options={"room": room})
+        item_alone.reset(seed=room, options={"room": room})
+        assert paid.step(0)[1] == item_alone.step(0)[1] == 0  # nothing is taken yet
+        last, returned = np.zeros(len(design.furniture)), 0.0
+        for _ in range(60):
+            action = legal_action(info, rng)
+            _, gain, _, _, info = paid.step(action)
+            returned += float(gain)
+            last[info["item"]] = item_alone.step(action)[1]
+        assert returned == pytest.approx(last.mean())
+
+
+@pytest.mark.parametrize(("more", "gains"), [(0, False), (3, False), (3, True)])
+def test_the_vector_environment_tells_what_as_many_single_ones_tell(more: int, gains: bool) -> None:
     rooms, seeds = upright_rooms(), [5, 6, 7, 8]
     items = max(len(missing(room)) or len(room.furniture) for room in rooms) + more
     keywords: dict[str, Any] = {"max_moves": 12, "reward": Reward(90, -70, -40), "items": items, "elements": 60}
+    keywords["gains"] = gains
     vector: VectorEnv = RoomsVectorEnv(4, rooms, **keywords)
     singles = SyncVectorEnv([lambda: RoomsEnv(rooms, **keywords)] * 4, autoreset_mode=AutoresetMode.SAME_STEP)
     told, expected = vector.reset(seed=seeds), singles.reset(seed=seeds)
