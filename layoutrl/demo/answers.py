@@ -23,7 +23,7 @@ from layoutrl.demo.opened_file import LONGEST_NAME, check_home, in_words_of_the_
 from layoutrl.demo.shell import gaps, swings, with_opening, without_opening
 from layoutrl.figures.drawing import svg
 from layoutrl.rooms.brief import missing, without_poses
-from layoutrl.rooms.categories import names_of
+from layoutrl.rooms.categories import names_of, own_names
 from layoutrl.rooms.clearances import FRONT_DEPTH, RAISED, RUGS
 from layoutrl.rooms.documents import BEYOND, NOT_SIMPLE, parsed, room_from_dict, room_to_dict
 from layoutrl.rooms.faults import (
@@ -98,6 +98,7 @@ WORDS = {
 CENTER = re.compile(r"furniture\[(\d+)\]\.center")  # the field in an error about an item BEYOND the walls
 
 Reply = dict[str, Any]
+FIELDS = "room", "item", "kind", "at", "width", "remove", "movable", "seed", "choices", "step"  # of all questions
 
 
 class Answers:
@@ -129,7 +130,10 @@ class Answers:
 
     def answer(self, about: str, body: bytes) -> Reply:
         """Answer a question, whose JSON has the `room`. Raises InputError if something is wrong with it."""
-        return self.questions[about](question(body))
+        asked = question(body)
+        if unknown := [name for name in asked if name not in FIELDS]:
+            raise InputError(f"{unknown[0][:20]}: unknown field; expected some of {', '.join(FIELDS)}")
+        return self.questions[about](asked)
 
     def look(self, asked: Any) -> Reply:
         """Return the room as it is read, how to draw it, its faults, and if an `item` is named the gaps beside it."""
@@ -164,9 +168,10 @@ class Answers:
         """Return up to `choices` layouts, best first, with the items of `movable` placed anew, and the path to each.
 
         Items that are locked, or that nobody places in such a room, stay where they stand, as obstacles. Items without
-        a place that are not in `movable` get none. `lines` say which items stay or are not placed, and why.
+        a place that are not in `movable` get none. Known names of furniture become our categories. `lines` say which
+        items stay or are not placed, and why.
         """
-        room = room_in(asked)
+        room = room_in({"room": own_names().ours(asked["room"])})
         chosen = asked.get("movable")
         if not isinstance(chosen, list):
             raise InputError("movable: expected a list of indices of furniture")
@@ -180,8 +185,8 @@ class Answers:
         if not request.wanted:
             mend = "add other furniture" if request.stays else "unlock or add some furniture"
             raise InputError("; ".join(["There is nothing to furnish", *lines, mend]))
-        seed = int(number(asked.get("seed", 0), "seed", 0, 2**31))
-        choices = int(number(asked.get("choices", CHOICES), "choices", 1, CHOICES))
+        seed = whole(asked.get("seed", 0), "seed", 0, 2**31)
+        choices = whole(asked.get("choices", CHOICES), "choices", 1, CHOICES)
         checked = request.checked
         (found,) = self.staff.furnisher().furnish([checked.brief], choices, seed) if missing(checked.brief) else [[]]
         return {"lines": lines + checked.lines, "choices": [choice(checked, furnished) for furnished in found]}
@@ -368,6 +373,13 @@ def number(value: Any, field: str, low: float, high: float) -> float:
     if isinstance(value, bool) or not isinstance(value, int | float) or not low <= value <= high:
         raise InputError(f"{field}: expected a number from {low:g} to {high:g}")
     return float(value)
+
+
+def whole(value: Any, field: str, low: int, high: int) -> int:
+    """A whole number in a range. Raises InputError for anything else."""
+    if not number(value, field, low, high).is_integer():
+        raise InputError(f"{field}: expected a whole number from {low} to {high}")
+    return int(value)
 
 
 def shown(room: Room) -> Reply:

@@ -192,6 +192,20 @@ def test_as_many_layouts_are_found_as_are_asked_for(answers):
     assert len(answers.answer("furnish", body(room, movable=movable, choices=1))["choices"]) == 1
     with pytest.raises(InputError, match="choices: expected a number from 1 to 3"):
         answers.answer("furnish", body(room, movable=movable, choices=4))
+    for half in ({"choices": 1.5}, {"seed": 0.5}):
+        with pytest.raises(InputError, match="expected a whole number from"):
+            answers.answer("furnish", body(room, movable=movable, **half))
+    with pytest.raises(InputError, match="choises: unknown field; expected some of room, item"):
+        answers.answer("furnish", body(room, movable=movable, choises=1))
+
+
+def test_what_is_to_be_furnished_may_have_the_names_that_place_knows(answers):
+    document = room_to_dict(with_corner(Item("wardrobe", (0.6, 1.2), None, None)))
+    document["furniture"][0]["category"] = "Kleiderschrank"
+    said = answers.answer("furnish", json.dumps({"room": document, "movable": [0]}).encode())
+    assert said["lines"] == []
+    assert said["choices"][0]["furniture"][0]["category"] == "wardrobe"
+    assert "center" in said["choices"][0]["furniture"][0]
 
 
 def test_the_furnisher_is_given_the_choices_and_the_seed_that_are_asked_for(answers, monkeypatch):
