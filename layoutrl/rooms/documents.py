@@ -223,7 +223,8 @@ def room_from_dict(document: Any) -> Room:
         if not Polygon(outline).covers(Polygon(hole)):
             raise RoomError(f"holes[{k}]", "expected a ring inside the outline")
     if not Polygon(outline, holes).is_valid:
-        raise RoomError("holes", "expected rings that neither cross nor touch along a side")
+        column = "; draw what stands at a wall as corners of the outline"
+        raise RoomError("holes", f"expected rings that neither cross nor touch along a side{column}")
 
     openings = (
         *(Opening("door", ring) for ring in _polygons(document["doors"], "doors")),

@@ -61,6 +61,7 @@ IN_VIEW = 60  # degrees to both sides of where a seat faces
 ROUNDED = 1e-9  # of a cosine: the page turns furniture by 15 degrees, and no turn of a room is to make a difference
 BEHIND = 1.5  # metres: in no design a seat looks at the back of another so near
 KITCHEN_LINE = frozenset({"counter", "sink", "cooktop"})
+BELOW_WORKTOPS = frozenset({"corner_counter", "dishwasher", "washing_machine"})  # in people's kitchens, built in
 BESIDE_PLATFORMS = frozenset({"chair", "desk", "stool"})  # in all of the authors' tatami rooms; wardrobes stand on them
 
 
@@ -307,13 +308,14 @@ def turned_away(items: Items) -> np.ndarray:
 def without_worktops(layouts: Sequence[Room], items: Items) -> np.ndarray:
     """Whether an item is a sink or cooktop in a room with counters, and none of all these adjoins it: (N,).
 
-    None is where a counter, sink or cooktop of the layout waits for its place: that may be beside it.
+    What stands BELOW_WORKTOPS is as good as a counter beside it. None is odd where a counter, sink or cooktop of the
+    layout waits for its place: that may be beside it.
     """
     those = placed_of(items, "sink", "cooktop")
     those = those[np.isin(items.room[those], items.room[placed_of(items, "counter")])]
     waits = [any(i.center is None and i.category in KITCHEN_LINE for i in layout.furniture) for layout in layouts]
     those = those[~np.array(waits, dtype=bool)[items.room[those]]]
-    a, b = together(items, those, placed_of(items, *KITCHEN_LINE))
+    a, b = together(items, those, placed_of(items, *KITCHEN_LINE, *BELOW_WORKTOPS))
     item, other = items.footprint[a], items.footprint[b]
     reaches = NEAR - shapely.distance(item, other)  # metres into the zone NEAR the item
     adjoins = shapely.area(shapely.intersection(shapely.buffer(item, NEAR), other)) > reaches * WORKTOP

@@ -448,5 +448,9 @@ def test_a_sink_and_a_cooktop_have_a_worktop_beside_them(category: str, turned: 
     assert odd(one, replace(counter, center=(0.9, 1.9)))  # they meet at a corner
     assert not odd(one)  # no counter is to be beside it
     other = Item("sink" if category == "cooktop" else "cooktop", (0.6, 0.6), (0.3, 0.4), 0)
+    away = replace(counter, center=(3.7, 1.9), rotation=180)
+    assert odd(one, away)
+    assert not odd(one, away, Item("dishwasher", (0.6, 0.6), (0.3, 1.6), 0))  # which is built in below a worktop
+    assert odd(one, away, Item("fridge", (0.6, 0.6), (0.3, 1.6), 0))
     assert not odd(one, replace(counter, center=(3.7, 1.9), rotation=180), other)
     assert not odd(one, replace(counter, center=(3.7, 1.9), rotation=180), replace(other, center=None))  # it waits
