@@ -46,15 +46,19 @@ def furnish(
     move: str | None = None,
     by: str | None = None,
     run: Path | str | None = None,
+    item: str | None = None,
+    seconds: float = PlaceConfig.seconds,
     seed: int = 0,
+    device: str = PlaceConfig.device,
 ) -> list[Answer]:
     """Furnish rooms in memory as the command does: return for each room up to `choices` layouts, best first.
 
-    The options are those of conf/place.yaml. Items have categories; `move` may also have everyday names, separated by
-    commas. `stood` is the furniture of each room as it stood, needed where items have lost their centers already
-    (`Source.stood`). With it only items without a center are placed; give the same `move` as to `opened`, since after
-    "all" what nobody can place stays. An item that cannot be placed stays where it stood, or has no center. Raises
-    InputError for what is no list of rooms, for an invalid option, and if `run` is not the folder of a training run.
+    The options are those of conf/place.yaml. Items have categories; `item` may also have an everyday name, and `move`
+    several, separated by commas. `stood` is the furniture of each room as it stood, needed where items have lost their
+    centers already (`Source.stood`). With it only items without a center are placed; give the same `move` as to
+    `opened`, since after "all" what nobody can place stays. An item that cannot be placed stays where it stood, or has
+    no center. Raises InputError for what is no list of rooms, for an invalid option, and if `run` is not the folder of
+    a training run.
     """
     check_rooms(rooms)
     documents = [checked_document(room) for room in rooms]
@@ -62,12 +66,18 @@ def furnish(
     for name, value in {"choices": choices, "seed": seed}.items():
         if not is_whole(value):
             raise InputError(f"{name}: expected a whole number; got {value!r:.60}")
-    for name, text in {"move": move, "by": by, "run": run}.items():
+    for name, text in {"move": move, "by": by, "run": run, "item": item}.items():
         if not isinstance(text, str | None):
             raise InputError(f"{name}: expected text, or None; got {text!r:.60}")
-    config = replace(in_memory(), choices=choices, move=move, by=by, run=run, seed=seed)
+    if not isinstance(device, str):
+        raise InputError(f"device: expected text; got {device!r:.60}")
+    if isinstance(seconds, bool) or not isinstance(seconds, int | float):
+        raise InputError(f"seconds: expected a number; got {seconds!r:.60}")
+    config = replace(in_memory(), choices=choices, move=move, by=by, run=run, item=item, seed=seed)
+    config = replace(config, seconds=float(seconds), device=device)
     check_who(config)
     config = by_category(config)
+    check_item_moves(config)
     if run is not None:
         load_config(Path(run), TrainConfig)
     briefs = rooms

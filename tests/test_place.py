@@ -1290,6 +1290,15 @@ def test_what_nobody_places_stays_where_it_stood_though_it_was_lifted(middle: Mi
         assert answer.layouts[0].furniture[0].center not in (None, room.furniture[0].center)
 
 
+def test_of_rooms_in_memory_one_kind_of_item_is_placed_where_it_alone_is_asked_for() -> None:
+    room = room_from_dict(furnished_room())
+    room = replace(room, furniture=(*room.furniture, Item("wardrobe", (0.6, 1.0), None, None)))
+    (answer,) = furnish([room], item="Schrank", move="all", device="cpu")
+    assert answer.request.wanted == [len(room.furniture) - 1]
+    (answer,) = furnish([room], by="search", seconds=0.5)
+    assert answer.request.wanted == [len(room.furniture) - 1]
+
+
 def test_of_rooms_with_stood_only_what_lost_its_center_is_placed(middle: Middle) -> None:
     room = room_from_dict(furnished_room())
     (answer,) = furnish([to_place(room, "bed,table")], stood=[room.furniture], move="all")
@@ -1311,6 +1320,13 @@ def test_of_rooms_with_stood_only_what_lost_its_center_is_placed(middle: Middle)
         ({"choices": "3"}, "choices: expected a whole number; got '3'"),
         ({"choices": 2.5}, "choices: expected a whole number"),
         ({"seed": None}, "seed: expected a whole number"),
+        ({"item": "sofaa"}, "item: expected furniture, as sofa"),
+        ({"item": "bed", "move": "desk"}, "move: desk has no effect with item=bed"),
+        ({"seconds": 2.0}, "seconds: they are of by=search and by=annealer"),
+        ({"by": "search", "seconds": "2"}, "seconds: expected a number; got '2'"),
+        ({"by": "search", "seconds": -1}, "seconds: expected"),
+        ({"by": "search", "device": "cuda"}, "device: by=search works on the CPU alone"),
+        ({"device": 0}, "device: expected text"),
         ({"stood": []}, "stood: expected the furniture of each room"),
         ({"stood": [[]]}, "stood: expected the furniture of each room"),
     ],
