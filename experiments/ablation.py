@@ -30,9 +30,9 @@ from layoutrl.rooms.room import MAIN_ITEM
 from layoutrl.runs.commands import answers_errors
 from layoutrl.runs.config import TrainConfig, composed
 from layoutrl.runs.files import write_json
-from layoutrl.runs.folder import differences, folders_of, load_config
+from layoutrl.runs.folder import differences, folders_of, load_config, stated
 from layoutrl.runs.ranges import within
-from layoutrl.runs.resume import EVALUATION, stated
+from layoutrl.runs.resume import EVALUATION
 
 KEPT = RESULTS / "ablation"
 DATA_SEED = 1

@@ -24,7 +24,7 @@ from layoutrl.runs import planit_training, resume
 from layoutrl.runs import training as agent_training
 from layoutrl.runs.config import Config, PlanitConfig, TrainConfig, narrowed
 from layoutrl.runs.files import locked, write_json
-from layoutrl.runs.folder import folders_of, load_config, wanted_folder
+from layoutrl.runs.folder import digest, folders_of, load_config, stated, wanted_folder
 from layoutrl.runs.machine import device_of, machine
 from layoutrl.runs.trained import kept_agent
 
@@ -39,8 +39,8 @@ def trained_agent(
     training = narrowed(config, TrainConfig)
     if config.trained_on == "designer":  # one agent, whichever source it is tested on
         training.data = designer(config)
-    what = [resume.digest(rooms), config.budget.name, config.seed]
-    said = resume.stated(training)
+    what = [digest(rooms), config.budget.name, config.seed]
+    said = stated(training)
     said["room"] |= {"updates": None, "whole_updates": None}  # method.updates says how long
     how = [said[part] for part in ("room", "method", "reward")]
 
@@ -93,7 +93,7 @@ def trained_planit(
     if len(held_out.rooms) < len(rooms):
         raise InputError("data: PlanIT is scored in all rooms or none; expected upright ones, of known furniture")
     updates = config.planit.updates[config.budget.name]
-    what = [resume.digest(training.rooms), config.budget.name, config.seed, seconds, asdict(config.planit)]
+    what = [digest(training.rooms), config.budget.name, config.seed, seconds, asdict(config.planit)]
     how = {part: getattr(config, part) for part in ("room", "data", "seed", "fold", "device", "runs")}
     rival = PlanitConfig(**how, budget=config.budget, method=config.planit)
 
@@ -119,7 +119,7 @@ def agent_seconds(config: CellConfig, device: torch.device) -> float:
     if not agents or len(agents) < len(files):  # a cell that is being filled, or failed, has a .error file
         raise InputError(f"column: {config.column} trains for as long as geometric, which is not done")
     for agent in agents:
-        refuse_other_rooms(name, agent["config"], resume.stated(config))
+        refuse_other_rooms(name, agent["config"], stated(config))
     ours = machine(device)["gpu"]
     for theirs in {agent["trained_on_machine"]["gpu"] for agent in agents} - {ours}:
         raise InputError(f"device: geometric was trained on {theirs or 'a CPU'}; expected it, got {ours or 'a CPU'}")

@@ -30,10 +30,10 @@ from layoutrl.evaluation.layouts import summary
 from layoutrl.evaluation.metrics import lattice_ceiling, score
 from layoutrl.rivals.planit.canvas import box_of
 from layoutrl.rooms.documents import room_to_dict
-from layoutrl.runs import resume
 from layoutrl.runs.commands import command, in_a_line, mendable
 from layoutrl.runs.files import write_json
 from layoutrl.runs.folder import differences
+from layoutrl.runs.folder import stated as stated_of_run
 from layoutrl.runs.machine import device_of, machine
 from layoutrl.runs.ranges import one_of
 
@@ -163,7 +163,7 @@ def items(config: CellConfig, device: torch.device) -> dict[str, Any]:
 
 def stated(config: CellConfig) -> dict[str, Any]:
     """Return a cell's configuration as plain values: no paths and, unless it trains an agent, no updates of one."""
-    said = resume.stated(replace(config, results=None))
+    said = stated_of_run(replace(config, results=None))
     if config.fill not in AGENTS:  # TIMED columns depend on an agent's seconds instead
         said["method"]["updates"] = {}
     return said

@@ -33,7 +33,7 @@ from layoutrl.rivals.supervised import (
 from layoutrl.rooms.brief import categories_of
 from layoutrl.rooms.room import Room
 from layoutrl.rooms.sources.parts import designed_rooms, two_parts
-from layoutrl.runs import resume
+from layoutrl.runs.config import seeds
 from layoutrl.runs.machine import keep_freed_memory
 
 DRAWN = 1  # rooms whose layouts are kept, to be drawn
@@ -161,7 +161,7 @@ def planit(config: CellConfig, setting: Setting) -> dict[str, Any]:
     """Train PlanIT, and let it place the moving item among all others, and furnish whole rooms from nothing."""
     seconds = agent_seconds(config, setting.device) if config.planit_time == "agent" else None
     placer, about = trained_planit(config, setting.training, setting.simulator.rooms, setting.device, seconds)
-    seed = resume.seeds(config)[3]
+    seed = seeds(config)[3]
     one, every = score_all(placer, config.budget.evaluation_rooms, seed)
     return {
         "items": one,

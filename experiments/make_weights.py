@@ -44,9 +44,8 @@ from layoutrl.rooms.room import MAIN_ITEM
 from layoutrl.runs.commands import answers_errors
 from layoutrl.runs.config import TrainConfig
 from layoutrl.runs.files import write_json
-from layoutrl.runs.folder import differences, load_config
+from layoutrl.runs.folder import differences, load_config, stated
 from layoutrl.runs.pretrained import ABOUT, unpacked
-from layoutrl.runs.resume import stated
 from layoutrl.runs.trained import kept_agent
 
 PROJECT = Path(__file__).resolve().parents[1]

@@ -25,7 +25,7 @@ from layoutrl.rooms.brief import brief_of
 from layoutrl.rooms.furnished import best_layouts
 from layoutrl.rooms.room import Room
 from layoutrl.rooms.sources.parts import designs, none_empty, whole_parts
-from layoutrl.runs import resume
+from layoutrl.runs.config import seeds
 from layoutrl.runs.pretrained import agent, load
 
 
@@ -82,7 +82,7 @@ def by_pointer(config: CellConfig, rooms: WholeRooms) -> Furnish:
 
 def by_planit(config: CellConfig, rooms: WholeRooms) -> Furnish:
     placer, _ = trained_planit(config, rooms.training, rooms.designs, rooms.device, None)
-    return lambda: furnished_rooms(placer, resume.seeds(config)[3])
+    return lambda: furnished_rooms(placer, seeds(config)[3])
 
 
 def by_agent(config: CellConfig, rooms: WholeRooms) -> Furnish:

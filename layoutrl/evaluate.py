@@ -11,9 +11,9 @@ import numpy as np
 from layoutrl import InputError
 from layoutrl.rooms.files import check_new
 from layoutrl.runs.commands import command
-from layoutrl.runs.config import EvaluateConfig, TrainConfig
+from layoutrl.runs.config import EvaluateConfig, TrainConfig, seeds
 from layoutrl.runs.files import check_writable, write_json, writing
-from layoutrl.runs.folder import load_config
+from layoutrl.runs.folder import load_config, stated
 
 
 def run(config: EvaluateConfig) -> dict[str, Any]:
@@ -31,7 +31,7 @@ def run(config: EvaluateConfig) -> dict[str, Any]:
     # Imported here: they load torch, which takes seconds, and a wrong option is reported before that.
     from layoutrl.runs.machine import device_of, machine
     from layoutrl.runs.report import scored
-    from layoutrl.runs.resume import EVALUATION, seeds, stated
+    from layoutrl.runs.resume import EVALUATION
     from layoutrl.runs.trained import trained_run
 
     if config.out and Path(config.out).resolve() == (Path(config.run) / EVALUATION).resolve():

@@ -10,7 +10,7 @@ from pathlib import Path
 
 from layoutrl.rooms.sources.parts import none_empty, parts_of
 from layoutrl.runs.commands import command
-from layoutrl.runs.config import TrainCommand, TrainConfig, narrowed
+from layoutrl.runs.config import TrainCommand, TrainConfig, narrowed, seeds
 
 
 def run(config: TrainConfig, folder: Path | None = None) -> Path:
@@ -22,7 +22,7 @@ def run(config: TrainConfig, folder: Path | None = None) -> Path:
     from layoutrl.runs.machine import device_of
     from layoutrl.runs.monitor import record_result
     from layoutrl.runs.report import scored
-    from layoutrl.runs.resume import check_folder, evaluation_session, finish, seeds, stopped
+    from layoutrl.runs.resume import check_folder, evaluation_session, finish, stopped
     from layoutrl.runs.training import train
 
     device = device_of(config.device)  # checked before the rooms are made, which takes a while

@@ -21,10 +21,9 @@ from layoutrl.agents.replay import Transitions
 from layoutrl.agents.training import transitions
 from layoutrl.benchmarks.simulation import moves, random_moves, seconds_of
 from layoutrl.rooms.room import Room
-from layoutrl.runs.config import BenchConfig
+from layoutrl.runs.config import BenchConfig, seeds
 from layoutrl.runs.machine import keep_freed_memory, resident_bytes
 from layoutrl.runs.report import scored
-from layoutrl.runs.resume import seeds
 
 ENDLESS = 10**9  # updates, of a training that the clock stops
 REPORT = 5  # updates timed together

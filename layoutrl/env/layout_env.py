@@ -85,7 +85,7 @@ class LayoutEnv(gymnasium.Env[np.ndarray, np.int64]):
         self.action_space = spaces.Discrete(self.simulator.moves.count)
         self._observe = observation_of(observation, rooms, categories=categories, elements=elements)
         self.observation_space = self._observe.space
-        self._singles: dict[int, SingleSimulator] = {}  # of the rooms that were met, 12 kB each
+        self._singles: dict[int, SingleSimulator] = {}  # of the rooms that were met, 13 kB each
         self._path: list[Point] = []  # positions, metres, of this episode; none before the first reset
 
     def reset(

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from layoutrl.rooms.sources.parts import two_parts
 from layoutrl.runs.commands import command
-from layoutrl.runs.config import PlanitCommand, PlanitConfig, narrowed
+from layoutrl.runs.config import PlanitCommand, PlanitConfig, narrowed, seeds
 
 
 def run(config: PlanitConfig, folder: Path | None = None) -> Path:
@@ -22,7 +22,7 @@ def run(config: PlanitConfig, folder: Path | None = None) -> Path:
     from layoutrl.rivals.planit.scoring import evaluated, table
     from layoutrl.runs.machine import device_of
     from layoutrl.runs.planit_training import train, usable
-    from layoutrl.runs.resume import check_folder, evaluation_session, finish, seeds, stopped
+    from layoutrl.runs.resume import check_folder, evaluation_session, finish, stopped
 
     device = device_of(config.device)  # raises before the rooms are made, which takes a while
     check_folder(config, folder)

@@ -14,6 +14,7 @@ from pathlib import Path
 from threading import Lock
 from typing import Any, TypeVar
 
+import numpy as np
 from hydra import compose, initialize_config_dir
 from hydra.core.config_store import ConfigStore
 from hydra.core.global_hydra import GlobalHydra
@@ -420,6 +421,11 @@ class BenchConfig(TrainConfig):
         for name in ("seconds", "minutes"):
             value = getattr(self, name)
             within(name, value, value > 0, "more than 0")
+
+
+def seeds(config: AnyTraining) -> list[np.random.SeedSequence]:
+    """Return the seeds of the networks, the training, the probes and the evaluation."""
+    return np.random.SeedSequence(config.seed).spawn(4)
 
 
 def narrowed(config: LearningConfig, schema: type[Config]) -> Config:

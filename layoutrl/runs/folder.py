@@ -1,11 +1,14 @@
-"""The folder of a run: its name, and its configuration in config.yaml."""
+"""The folder of a run: its name, its configuration in config.yaml, and what tells one run from another."""
 
 from __future__ import annotations
 
+import hashlib
 import io
+import json
 import re
 import shutil
-from dataclasses import replace
+from collections.abc import Sequence
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
@@ -14,13 +17,14 @@ from omegaconf import OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
 from layoutrl import InputError
+from layoutrl.rooms.room import Room
 from layoutrl.rooms.sources.parts import Data
 from layoutrl.runs.config import AnyTraining, Config
 from layoutrl.runs.files import write_whole
 from layoutrl.runs.wording import misfit
 
 NOT_COMPARED = ("device", "room.updates", "room.whole_updates")  # may differ: method.updates has the length
-LARGEST, DEEPEST = 10_000, 10  # bytes and levels of a config.yaml, at most; written ones have 1,300 and 4
+LARGEST, DEEPEST = 10_000, 10  # bytes and levels of a config.yaml, at most; written ones have 1,200 and 4
 
 
 def wanted_folder(config: AnyTraining) -> Path:
@@ -99,6 +103,20 @@ def make_folder(wanted: Path) -> Path:
                 return folder
     except OSError as error:
         raise InputError(f"runs: cannot create {folder} ({error.strerror}); expected a folder to write to") from None
+
+
+def stated(config: AnyTraining) -> dict[str, Any]:
+    """Return the configuration as plain values, without file locations and without the updates of other budgets."""
+    said: dict[str, Any] = json.loads(json.dumps(asdict(config))) | {"runs": "", "name": None}
+    said["data"] |= {"root": None, "categories": None}
+    updates = said["method"]["updates"]
+    said["method"]["updates"] = {budget: number for budget, number in updates.items() if budget == config.budget.name}
+    return said
+
+
+def digest(rooms: Sequence[Room]) -> str:
+    """Return a SHA-256 hash of rooms and all that they hold."""
+    return hashlib.sha256(repr(rooms).encode()).hexdigest()
 
 
 def differences(first: dict[str, Any], second: dict[str, Any], prefix: str = "") -> list[str]:

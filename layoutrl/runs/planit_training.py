@@ -19,11 +19,11 @@ from layoutrl.rivals.planit.scoring import given_query, scored
 from layoutrl.rivals.planit.training import LOSSES, Training
 from layoutrl.rooms.room import Room
 from layoutrl.runs.checkpoints import load_checkpoint, misfit_explained
-from layoutrl.runs.config import PlanitConfig
-from layoutrl.runs.folder import load_config
+from layoutrl.runs.config import PlanitConfig, seeds
+from layoutrl.runs.folder import load_config, stated
 from layoutrl.runs.machine import keep_freed_memory, require_determinism_on_cpu
 from layoutrl.runs.monitor import reported
-from layoutrl.runs.resume import seeds, session, stated
+from layoutrl.runs.resume import session
 from layoutrl.runs.wording import any_of
 
 

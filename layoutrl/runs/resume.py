@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
-import json
 import os
 import shlex
 import shutil
@@ -14,12 +12,11 @@ import time
 import traceback
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
-from dataclasses import asdict, replace
+from dataclasses import replace
 from pathlib import Path
 from types import FrameType
 from typing import Any, Protocol
 
-import numpy as np
 import torch
 from hydra.core.hydra_config import HydraConfig
 from hydra.errors import CompactHydraException
@@ -31,7 +28,17 @@ from layoutrl.runs.checkpoints import CHECKPOINTS, checkpoints, load_checkpoint,
 from layoutrl.runs.commands import Stopped, in_a_line, mendable
 from layoutrl.runs.config import AnyTraining, Config
 from layoutrl.runs.files import LOCK, check_writable, locked, write_json
-from layoutrl.runs.folder import check_there, differences, folders_of, load_config, located, new_folder, wanted_folder
+from layoutrl.runs.folder import (
+    check_there,
+    differences,
+    digest,
+    folders_of,
+    load_config,
+    located,
+    new_folder,
+    stated,
+    wanted_folder,
+)
 from layoutrl.runs.machine import machine
 
 EVALUATION = "evaluation.json"  # a run that has it is finished
@@ -55,11 +62,6 @@ class Stoppable(Protocol):
     def state_dict(self) -> dict[str, Any]: ...
 
     def load_state_dict(self, state: dict[str, Any]) -> None: ...
-
-
-def seeds(config: AnyTraining) -> list[np.random.SeedSequence]:
-    """Return the seeds of the networks, the training, the probes and the evaluation."""
-    return np.random.SeedSequence(config.seed).spawn(4)
 
 
 def going_on(folder: Path, config: AnyTraining) -> str:
@@ -329,20 +331,6 @@ def finite(state: Any) -> bool:
         return bool(state.isfinite().all())
     parts = state.values() if isinstance(state, dict) else state if isinstance(state, list | tuple) else ()
     return all(map(finite, parts))
-
-
-def stated(config: AnyTraining) -> dict[str, Any]:
-    """Return the configuration as plain values, without file locations and without the updates of other budgets."""
-    said: dict[str, Any] = json.loads(json.dumps(asdict(config))) | {"runs": "", "name": None}
-    said["data"] |= {"root": None, "categories": None}
-    updates = said["method"]["updates"]
-    said["method"]["updates"] = {budget: number for budget, number in updates.items() if budget == config.budget.name}
-    return said
-
-
-def digest(rooms: Sequence[Room]) -> str:
-    """Return a SHA-256 hash of rooms and all that they hold."""
-    return hashlib.sha256(repr(rooms).encode()).hexdigest()
 
 
 @contextmanager

@@ -17,10 +17,9 @@ from layoutrl.rooms.room import Room
 from layoutrl.rooms.sources.parts import Data, parts_of
 from layoutrl.runs.checkpoints import load_checkpoint, misfit_explained
 from layoutrl.runs.config import AS_IN_THE_RUN, RunConfig, TrainConfig
-from layoutrl.runs.folder import check_there, load_config, located, moved
+from layoutrl.runs.folder import check_there, digest, load_config, located, moved, stated
 from layoutrl.runs.machine import device_of
 from layoutrl.runs.ranges import check_on_illegal
-from layoutrl.runs.resume import digest, stated
 
 
 class Kept(NamedTuple):

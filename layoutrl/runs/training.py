@@ -18,10 +18,10 @@ from layoutrl.evaluation.policy import greedy
 from layoutrl.evaluation.probe import ItemProbe, RoomsProbe
 from layoutrl.rooms.room import Room
 from layoutrl.runs import pretrained
-from layoutrl.runs.config import TrainConfig
+from layoutrl.runs.config import TrainConfig, seeds
 from layoutrl.runs.machine import keep_freed_memory, require_determinism_on_cpu
 from layoutrl.runs.monitor import Probe, watched
-from layoutrl.runs.resume import seeds, session
+from layoutrl.runs.resume import session
 
 
 @dataclass(frozen=True)
