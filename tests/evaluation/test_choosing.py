@@ -14,6 +14,7 @@ from layoutrl.env.simulator import Moves
 from layoutrl.evaluation.choosing import FAULT, TRIED_UP_TO, Chosen, Options, best_of, blame, unlike, wrong, wrong_at
 from layoutrl.rooms.documents import MOST
 from layoutrl.rooms.furnished import Furnished
+from layoutrl.rooms.oddities import WITHOUT_WORKTOP, oddities
 from layoutrl.rooms.room import Item
 from tests.builders import opening, rectangular_room
 
@@ -132,6 +133,14 @@ def test_what_found_no_place_in_a_known_layout_finds_none_in_another() -> None:
     state, (lacking,) = rooms.empty(np.zeros(1, dtype=int)), rooms.rooms
     assert np.isinf(unlike(rooms, state, options, [[Furnished(lacking, 0.0)]]).value).all()
     assert np.isfinite(unlike(rooms, state, options, [[]]).value).all()
+
+
+def test_a_sink_without_a_worktop_is_odd_but_not_what_agents_avoid() -> None:
+    sink, counter = Item("sink", (0.6, 0.6), (0.3, 1.0), 0.0), Item("counter", (0.6, 1.2), (3.7, 1.9), 180.0)
+    room = replace(rectangular_room(4, 3, sink, others=(counter,)), target=None)
+    assert oddities(room) == [(0, WITHOUT_WORKTOP)]
+    assert wrong([room]).tolist() == [0]
+    assert wrong([replace(room, furniture=(sink, replace(counter, center=(3.5, 1.9))))]).tolist() == [1]  # off its wall
 
 
 def test_blame_is_of_what_was_to_be_placed() -> None:
