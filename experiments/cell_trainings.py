@@ -19,12 +19,13 @@ from layoutrl import InputError
 from layoutrl.agents.learner import Agent
 from layoutrl.rivals.budgets import seconds_budget, updates_budget
 from layoutrl.rivals.planit.placement import Placer
+from layoutrl.rooms.collection import digest
 from layoutrl.rooms.room import Room
 from layoutrl.runs import planit_training, resume
 from layoutrl.runs import training as agent_training
 from layoutrl.runs.config import Config, PlanitConfig, TrainConfig, narrowed
 from layoutrl.runs.files import locked, write_json
-from layoutrl.runs.folder import digest, folders_of, load_config, stated, wanted_folder
+from layoutrl.runs.folder import folders_of, load_config, stated, wanted_folder
 from layoutrl.runs.machine import device_of, machine
 from layoutrl.runs.trained import kept_agent
 

@@ -11,6 +11,7 @@ import sys
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cache
+from numbers import Real
 from pathlib import Path
 from typing import Any
 
@@ -71,10 +72,10 @@ def furnish(
             raise InputError(f"{name}: expected text, or None; got {text!r:.60}")
     if not isinstance(device, str):
         raise InputError(f"device: expected text; got {device!r:.60}")
-    if isinstance(seconds, bool) or not isinstance(seconds, int | float):
+    if isinstance(seconds, bool) or not isinstance(seconds, Real):
         raise InputError(f"seconds: expected a number; got {seconds!r:.60}")
     config = replace(in_memory(), choices=choices, move=move, by=by, run=run, item=item, seed=seed)
-    config = replace(config, seconds=float(seconds), device=device)
+    config = replace(config, seconds=seconds, device=device)
     check_who(config)
     config = by_category(config)
     check_item_moves(config)
@@ -195,6 +196,8 @@ def by_category(config: PlaceConfig) -> PlaceConfig:
 
     several = "all, or furniture with commas between"
     moved = [name if name == ALL else meant("move", name, several) for name in sorted(names_in(config.move))]
+    if config.item and "," in config.item:
+        raise InputError(f"item: expected one kind of furniture; got {config.item}; move= takes several")
     item = config.item and meant("item", config.item, "furniture")
     return replace(config, move=",".join(moved) if moved else None, item=item)
 

@@ -91,14 +91,15 @@ WORDS = {
     WITHOUT_SEAT: "stands before no sofa or armchair",
     OFF_ITS_BED: "does not stand beside the head of a bed",
     UNSEEN: "cannot be watched from a seat or bed",
-    TURNED_AWAY: "looks away from all others or from the television, or at the back of a seat",
+    TURNED_AWAY: "looks at no other seat, table or television, has its back to one, or looks at the back of a seat",
     WITHOUT_WORKTOP: "has no worktop beside it",
 }
 
 CENTER = re.compile(r"furniture\[(\d+)\]\.center")  # the field in an error about an item BEYOND the walls
 
 Reply = dict[str, Any]
-FIELDS = "room", "item", "kind", "at", "width", "remove", "movable", "seed", "choices", "step"  # of all questions
+# Of all questions, in JSON.
+FIELDS = "room", "item", "kind", "at", "width", "remove", "movable", "seed", "choices", "step", "others"
 
 
 class Answers:
@@ -130,10 +131,7 @@ class Answers:
 
     def answer(self, about: str, body: bytes) -> Reply:
         """Answer a question, whose JSON has the `room`. Raises InputError if something is wrong with it."""
-        asked = question(body)
-        if unknown := [name for name in asked if name not in FIELDS]:
-            raise InputError(f"{unknown[0][:20]}: unknown field; expected some of {', '.join(FIELDS)}")
-        return self.questions[about](asked)
+        return self.questions[about](question(body))
 
     def look(self, asked: Any) -> Reply:
         """Return the room as it is read, how to draw it, its faults, and if an `item` is named the gaps beside it."""
@@ -171,7 +169,7 @@ class Answers:
         a place that are not in `movable` get none. Known names of furniture become our categories. `lines` say which
         items stay or are not placed, and why.
         """
-        room = room_in({"room": own_names().ours(asked["room"])})
+        room = room_to_furnish(asked)
         chosen = asked.get("movable")
         if not isinstance(chosen, list):
             raise InputError("movable: expected a list of indices of furniture")
@@ -209,7 +207,7 @@ class Answers:
 
         Raises InputError if nobody places such an item there.
         """
-        room = room_in(asked)
+        room = room_to_furnish(asked)
         item = item_in(asked, room)
         known = self.staff.known(room.room_type)
         checked = checked_brief(room, known)
@@ -318,12 +316,19 @@ def question(body: bytes, largest: int = LARGEST_BODY) -> dict[str, Any]:
         raise asked
     if not isinstance(asked, dict) or "room" not in asked:
         raise InputError("room: missing; expected a JSON object with a room")
+    if unknown := [name for name in asked if name not in FIELDS]:
+        raise InputError(f"{unknown[0][:20]}: unknown field; expected some of {', '.join(FIELDS)}")
     return asked
 
 
 def room_in(asked: Any) -> Room:
     """The room of a question. Raises InputError where it is none, or too large to answer soon."""
     return limited(room_from_dict(asked["room"]))
+
+
+def room_to_furnish(asked: Any) -> Room:
+    """As `room_in`, with known names of furniture replaced by our categories."""
+    return room_in({"room": own_names().ours(asked["room"])})
 
 
 def limited(room: Room) -> Room:
@@ -371,7 +376,7 @@ def index_in(asked: Any, field: str, count: int) -> int:
 def number(value: Any, field: str, low: float, high: float) -> float:
     """A number in a range. Raises InputError for anything else."""
     if isinstance(value, bool) or not isinstance(value, int | float) or not low <= value <= high:
-        raise InputError(f"{field}: expected a number from {low:g} to {high:g}")
+        raise InputError(f"{field}: expected a number from {low:.10g} to {high:.10g}")
     return float(value)
 
 

@@ -30,7 +30,9 @@ from layoutrl.rooms.room import Item, Point, Room, middles, polygons
 # along x and y once it is turned back by the angle of cos2 and sin2: with rotation 0 an item's depth is along x.
 KINDS = ("moving", "wall", "door", "window", "item")
 COLUMNS = ("x", "y", "present", *KINDS, "extent_x", "extent_y", "cos2", "sin2", "circle", "cos", "sin")
-X, Y, PRESENT, _, WALL, _, WINDOW, ITEM, EXTENT_X, EXTENT_Y, COS2, SIN2, CIRCLE, COS, SIN = range(len(COLUMNS))
+X, Y, PRESENT, WALL, WINDOW, ITEM = map(COLUMNS.index, ("x", "y", "present", "wall", "window", "item"))
+EXTENT_X, EXTENT_Y, COS2, SIN2 = map(COLUMNS.index, ("extent_x", "extent_y", "cos2", "sin2"))
+CIRCLE, COS, SIN = map(COLUMNS.index, ("circle", "cos", "sin"))
 STANDING = slice(WALL, ITEM + 1)  # the kinds of elements that do not move
 LIMIT = 2 * LARGEST  # metres: no entry of a room that can be read is larger
 BLOCK = 128  # pictures painted at once: on a CPU, a larger block waits for memory

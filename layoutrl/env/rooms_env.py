@@ -25,7 +25,7 @@ from layoutrl.env.arguments import (
 )
 from layoutrl.env.measures import measured
 from layoutrl.env.render import furnished_picture
-from layoutrl.env.reward import Reward
+from layoutrl.env.reward import REWARD_RANGE, Reward
 from layoutrl.env.rooms_observation import RoomsObservation
 from layoutrl.env.rooms_simulator import RoomsSimulator, State
 from layoutrl.env.simulator import Moves
@@ -47,8 +47,8 @@ class RoomsEnv(gymnasium.Env[np.ndarray, np.int64]):
     reward: the paper's, -200 to 100, of the item that moves, among what stands now; 0 until one is taken. It is paid
     after every action: an agent that places one item well and then stays with it earns nearly all that can be earned.
     With `gains`, a step pays instead by how much that reward has changed since the item was last paid for, over the
-    number of items to place: an episode then returns the mean of the items' last rewards, where one never taken has 0,
-    so that to furnish the whole room pays most.
+    number of items to place; one that was never taken counts as -200, the lowest. So an episode returns how far the
+    rewards with which the items last moved are above -200, on average, and to furnish the whole room pays most.
     info: `legal`, the mask (A,) of actions; `item`, which one moves, -1 until one is taken; its `r1`, `r2`, `r3`, `r4`
     and `iou`; `room`, the index; `illegal`, whether this action was illegal: then it is dropped, nothing changes, and
     the caller should not store it. At the end of an episode in a design, info has `measures`: all of `Measures` but
@@ -101,7 +101,7 @@ class RoomsEnv(gymnasium.Env[np.ndarray, np.int64]):
         drawn = self.np_random.integers(count)  # drawn even where it is not used
         self._state = self.simulator.begin(np.array([drawn if room is None else room], dtype=np.int64), self.np_random)
         self._moves_made = 0
-        self._paid = np.zeros(self.simulator.room_index.shape[1])  # what each item was last worth
+        self._paid = np.full(self.simulator.room_index.shape[1], REWARD_RANGE[0])  # what each item was last worth
         return self._observation(), self._arrive() | {"illegal": False}
 
     def step(self, action: np.int64 | int) -> tuple[np.ndarray, SupportsFloat, bool, bool, dict[str, Any]]:

@@ -15,7 +15,7 @@ from torch import Tensor
 from layoutrl.env.arguments import begun, check_at_least_one, check_render_mode, refuse_options
 from layoutrl.env.device import usable_device
 from layoutrl.env.measures import measured
-from layoutrl.env.reward import Reward
+from layoutrl.env.reward import REWARD_RANGE, Reward
 from layoutrl.env.rooms_batch import BatchRoomsSimulator, either
 from layoutrl.env.rooms_env import MAX_MOVES, RoomsEnv, picture, simulator_of
 from layoutrl.env.rooms_observation import RoomsObservation
@@ -136,7 +136,7 @@ class RoomsVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
                 *(torch.as_tensor(np.concatenate(values), device=device) for values in zip(*states, strict=True))
             )
         self._moves_made = 0
-        self._paid = np.zeros((self.num_envs, self.simulator.room_index.shape[1]))  # as RoomsEnv
+        self._paid = np.full((self.num_envs, self.simulator.room_index.shape[1]), REWARD_RANGE[0])  # as in RoomsEnv
         observation, _, info = self._arrive(torch.zeros(self.num_envs, dtype=torch.bool, device=device))
         return observation, info
 
@@ -165,9 +165,9 @@ class RoomsVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         if not known.any():
             return {}
         layouts = [layout for layout, design in zip(self.layouts(), designs, strict=True) if design]
-        told: dict[str, Any] = {}
+        measures: dict[str, Any] = {}
         for name, values in vars(measured(layouts, [design for design in designs if design])).items():
             if name != "group":
-                told[name], told[f"_{name}"] = np.zeros(self.num_envs), known
-                told[name][known] = values
-        return {"measures": told, "_measures": known}
+                measures[name], measures[f"_{name}"] = np.zeros(self.num_envs), known
+                measures[name][known] = values
+        return {"measures": measures, "_measures": known}

@@ -149,6 +149,11 @@ def _after(collection: Collection, chosen: str) -> Collection:
     return Collection(f"{collection.source}, {chosen}", left_out=[*collection.left_out], notes=[*collection.notes])
 
 
+def digest(rooms: Sequence[Room]) -> str:
+    """Return a SHA-256 hash of rooms and all that they hold."""
+    return hashlib.sha256(repr(rooms).encode()).hexdigest()
+
+
 def split(rooms: Sequence[Room], fold: int = 0) -> tuple[list[Room], list[Room]]:
     """(training, held-out) rooms: a group is held out when the hash of its name falls into `fold` of five.
 

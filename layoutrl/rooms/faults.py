@@ -15,7 +15,15 @@ import numpy as np
 import shapely
 
 from layoutrl.rooms.clearances import HOSTS, RAISED, RUGS, front_depth, may_stand_before, period
-from layoutrl.rooms.doors import bars, empty_floor, entrance, kept_free, way_width, with_a_free_door_first
+from layoutrl.rooms.doors import (
+    bars,
+    empty_floor,
+    entrance,
+    kept_free,
+    way_width,
+    with_a_free_door_first,
+    without_furniture,
+)
 from layoutrl.rooms.room import CIRCLE_SEGMENTS, TOLERANCE, Room
 
 ROUNDING = 1e-9  # square metres: smaller areas are rounding
@@ -196,24 +204,29 @@ def blocking(
 
 
 def free_fronts(layouts: Sequence[Room], items: Items, depth: np.ndarray) -> np.ndarray:
-    """Whether so many metres of floor, `depth` (N,), before each item are indoors and free of others: (N,).
+    """Whether so many metres of floor, `depth` (N,), before each item are not `floor_taken`: (N,).
 
-    Others that are RAISED or lie `along_walls`, or MAY_STAND_BEFORE it, do not count. True for an item that keeps no
-    floor free, False for one that does and is not placed.
+    True for an item that keeps no floor free, False for one that does and is not placed.
     """
     keeps = np.flatnonzero(depth > 0)
     floor = floor_ahead(items, keeps, depth[keeps])
-    free = shapely.covers(np.array([layout.indoor for layout in layouts])[items.room[keeps]], floor)
-    a, b = pairs(items.room[keeps], items.room)
-    welcome = [
-        may_stand_before(category, other)
-        for category, other in zip(items.category[keeps[a]], items.category[b], strict=True)
-    ]
-    taken = (keeps[a] != b) & ~np.array(welcome, dtype=bool) & shapely.intersects(floor[a], items.footprint[b])
-    free[a[taken & ~along_walls(layouts, items)[b]]] = False
     result = np.ones(len(items.room), dtype=bool)
-    result[keeps] = free
+    result[keeps] = ~floor_taken(layouts, items, keeps, floor)
     return result
+
+
+def floor_taken(layouts: Sequence[Room], items: Items, those: np.ndarray, floor: np.ndarray) -> np.ndarray:
+    """Whether a wall or another item takes some of the floor (n,), polygons, that `those` items (n,) need: (n,).
+
+    Others that are RAISED or lie `along_walls`, or MAY_STAND_BEFORE the item, do not count.
+    """
+    taken = ~shapely.covers(np.array([layout.indoor for layout in layouts])[items.room[those]], floor)
+    a, b = pairs(items.room[those], items.room)
+    categories = zip(items.category[those[a]], items.category[b], strict=True)
+    apart = np.array([not may_stand_before(*both) for both in categories], dtype=bool)
+    meets = (those[a] != b) & apart & shapely.intersects(floor[a], items.footprint[b])
+    taken[a[meets & ~along_walls(layouts, items)[b]]] = True
+    return taken
 
 
 def floor_ahead(items: Items, those: np.ndarray, depth: np.ndarray, quarter: int = 0) -> np.ndarray:
@@ -237,8 +250,14 @@ def facing(items: Items, those: np.ndarray) -> np.ndarray:
 
 def along_walls(layouts: Sequence[Room], items: Items) -> np.ndarray:
     """Whether all of an item is within ALONG_WALLS of the walls: (N,). False for one that is not placed."""
-    middle = shapely.buffer([layout.indoor for layout in layouts], -ALONG_WALLS - TOLERANCE)
+    middle = np.array([off_walls(layout) for layout in layouts])
     return shapely.disjoint(middle[items.room], items.footprint)
+
+
+@without_furniture
+def off_walls(room: Room) -> shapely.Geometry:
+    """Return the floor that is farther than ALONG_WALLS from the walls."""
+    return room.indoor.buffer(-ALONG_WALLS - TOLERANCE)
 
 
 @dataclass(frozen=True)
@@ -280,7 +299,7 @@ def within_reach(layouts: Sequence[Room], items: Items) -> np.ndarray:
 
 
 def pairs(first: np.ndarray, second: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return (indices into the first, into the second) of all pairs in one room; both hold rooms (n,), ascending."""
+    """Return (indices into the first, into the second) of all pairs in one room; both hold rooms, the second sorted."""
     start, stop = np.searchsorted(second, first, "left"), np.searchsorted(second, first, "right")
     count = stop - start
     a = np.repeat(np.arange(len(first)), count)

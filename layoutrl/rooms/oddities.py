@@ -12,12 +12,11 @@ from layoutrl.rooms.doors import leaves
 from layoutrl.rooms.faults import (
     Fault,
     Items,
-    along_walls,
     by_layout,
     facing,
     faults_of_all,
     floor_ahead,
-    free_fronts,
+    floor_taken,
     pairs,
     rectangles,
     unions,
@@ -60,8 +59,9 @@ WATCHED = 45  # degrees to both sides of where a TV unit and who watches it face
 IN_VIEW = 60  # degrees to both sides of where a seat faces
 ROUNDED = 1e-9  # of a cosine: the page turns furniture by 15 degrees, and no turn of a room is to make a difference
 BEHIND = 1.5  # metres: in no design a seat looks at the back of another so near
-KITCHEN_LINE = frozenset({"counter", "sink", "cooktop"})
-BELOW_WORKTOPS = frozenset({"corner_counter", "dishwasher", "washing_machine"})  # in people's kitchens, built in
+KITCHEN_LINE = frozenset({
+    "counter", "sink", "cooktop", "corner_counter", "dishwasher", "washing_machine",  # the last three are people's
+})  # fmt: skip
 BESIDE_PLATFORMS = frozenset({"chair", "desk", "stool"})  # in all of the authors' tatami rooms; wardrobes stand on them
 
 
@@ -90,7 +90,7 @@ def item_oddities(layouts: Sequence[Room], items: Items) -> dict[str, np.ndarray
         BEFORE_WINDOW: before_windows(layouts, items),
         IN_SWING: in_swings(layouts, items),
         ON_PLATFORM: on_platforms(items),
-        CROWDED: crowded(layouts, items, ~strays),
+        CROWDED: crowded(layouts, items, strays),
         WITHOUT_SEAT: without_seats(items),
         OFF_ITS_BED: off_their_beds(items),
         UNSEEN: unseen(items),
@@ -187,15 +187,14 @@ def on_platforms(items: Items) -> np.ndarray:
     return stands & shapely.intersects(floor, core) & ~whole
 
 
-def crowded(layouts: Sequence[Room], items: Items, at_tables: np.ndarray) -> np.ndarray:
-    """Whether a wall or another item takes some of the floor that an item needs: (N,); `at_tables` are not astray (N,).
+def crowded(layouts: Sequence[Room], items: Items, strays: np.ndarray) -> np.ndarray:
+    """Whether a wall or another item takes some of the floor that an item needs: (N,); `strays` are astray (N,).
 
     That is the ROOM_BEFORE one of NEED_ROOM; what is FOR_ELBOWS on both sides of a toilet; and TO_RISE behind a chair
     at its table. A LOUNGING seat is crowded where other items, but no footstools, take more than half of what it has
     FOR_FEET.
     """
-    depth = np.where(np.isin(items.category, list(NEED_ROOM)), ROOM_BEFORE, 0.0)
-    result = items.placed & ~items.round & ~free_fronts(layouts, items, depth)
+    result = np.zeros(len(items.room), dtype=bool)
     seats = with_fronts(items, *LOUNGING)
     floor = floor_ahead(items, seats, np.full(len(seats), FOR_FEET))
     stands = np.flatnonzero(items.placed & ~np.isin(items.category, [*RAISED, "stool"]))
@@ -204,27 +203,20 @@ def crowded(layouts: Sequence[Room], items: Items, at_tables: np.ndarray) -> np.
     taken = unions(items.footprint[stands[b[meets]]], a[meets], len(seats))
     result[seats] = shapely.area(shapely.intersection(floor, taken)) > shapely.area(floor) / 2
 
-    toilets = with_fronts(items, "toilet")
-    elbows = np.maximum(FOR_ELBOWS - items.size[toilets, 1] / 2, 3 * TOLERANCE)
-    for side in LEFT, RIGHT:
-        result[toilets] |= floor_taken(layouts, items, toilets, floor_ahead(items, toilets, elbows, side))
-    chairs = np.flatnonzero(items.placed & items.tucked & at_tables & (items.period == 360) & ~items.round)
-    behind = floor_ahead(items, chairs, np.full(len(chairs), TO_RISE), BEHIND_IT)
-    result[chairs] = floor_taken(layouts, items, chairs, behind)
+    need, toilets, chairs = (with_fronts(items, *names) for names in (NEED_ROOM, ("toilet",), ("chair",)))
+    elbows = FOR_ELBOWS - items.size[toilets, 1] / 2
+    toilets, elbows = toilets[elbows > 2 * TOLERANCE], elbows[elbows > 2 * TOLERANCE]  # others are wide enough
+    with_tables = np.isin(items.room[chairs], items.room[items.hosts & items.placed])
+    chairs = chairs[items.tucked[chairs] & with_tables & ~strays[chairs]]
+    floors = (
+        floor_ahead(items, need, np.full(len(need), ROOM_BEFORE)),
+        floor_ahead(items, toilets, elbows, LEFT),
+        floor_ahead(items, toilets, elbows, RIGHT),
+        floor_ahead(items, chairs, np.full(len(chairs), TO_RISE), BEHIND_IT),
+    )
+    those = np.concatenate([need, toilets, toilets, chairs])
+    result[those[floor_taken(layouts, items, those, np.concatenate(floors))]] = True
     return result
-
-
-def floor_taken(layouts: Sequence[Room], items: Items, those: np.ndarray, floor: np.ndarray) -> np.ndarray:
-    """Whether a wall or another item takes some of the floor (n,), polygons, that `those` items (n,) need: (n,).
-
-    What is RAISED or lies `along_walls` does not count.
-    """
-    taken = ~shapely.covers(np.array([layout.indoor for layout in layouts])[items.room[those]], floor)
-    others = items.placed & ~np.isin(items.category, list(RAISED))
-    a, b = pairs(items.room[those], items.room)
-    meets = others[b] & (those[a] != b) & shapely.intersects(floor[a], items.footprint[b])
-    taken[a[meets & ~along_walls(layouts, items)[b]]] = True
-    return taken
 
 
 def placed_of(items: Items, *categories: str) -> np.ndarray:
@@ -291,7 +283,8 @@ def unseen(items: Items) -> np.ndarray:
 
 def turned_away(items: Items) -> np.ndarray:
     """Whether an item is a LOUNGING seat that faces none of the coffee tables, TV units and other seats of its room, if
-    there are any, that looks at the back of another seat, or that has its back to a TV unit that faces it: (N,)."""
+    there are any, that looks at the back of another seat, or that faces no TV unit and has its back to one that faces
+    it: (N,)."""
     seats = with_fronts(items, *LOUNGING)
     a, b = together(items, seats, placed_of(items, *LOUNGING, "coffee_table", "tv_unit"))
     result = alone(items, a, in_view(items, a, b, IN_VIEW))
@@ -301,21 +294,21 @@ def turned_away(items: Items) -> np.ndarray:
     alike = (facing(items, a) * facing(items, b)).sum(1) > np.sqrt(0.5) + ROUNDED  # within 45 degrees
     result[a[alike & shapely.intersects(sight, items.footprint[b])]] = True
     a, b = together(items, seats, with_fronts(items, "tv_unit"))
-    result[a[in_view(items, b, a, WATCHED) & ~in_view(items, a, b, 180 - WATCHED)]] = True
+    blind = alone(items, a, in_view(items, a, b, IN_VIEW))  # no TV unit is before the seat
+    result[a[in_view(items, b, a, WATCHED) & ~in_view(items, a, b, 180 - WATCHED) & blind[a]]] = True
     return result
 
 
 def without_worktops(layouts: Sequence[Room], items: Items) -> np.ndarray:
-    """Whether an item is a sink or cooktop in a room with counters, and none of all these adjoins it: (N,).
+    """Whether an item is a sink or cooktop in a room with counters, and nothing of a kitchen's line adjoins it: (N,).
 
-    What stands BELOW_WORKTOPS is as good as a counter beside it. None is odd where a counter, sink or cooktop of the
-    layout waits for its place: that may be beside it.
+    None is odd where something of the line waits for its place: that may be beside it.
     """
     those = placed_of(items, "sink", "cooktop")
     those = those[np.isin(items.room[those], items.room[placed_of(items, "counter")])]
     waits = [any(i.center is None and i.category in KITCHEN_LINE for i in layout.furniture) for layout in layouts]
     those = those[~np.array(waits, dtype=bool)[items.room[those]]]
-    a, b = together(items, those, placed_of(items, *KITCHEN_LINE, *BELOW_WORKTOPS))
+    a, b = together(items, those, placed_of(items, *KITCHEN_LINE))
     item, other = items.footprint[a], items.footprint[b]
     reaches = NEAR - shapely.distance(item, other)  # metres into the zone NEAR the item
     adjoins = shapely.area(shapely.intersection(shapely.buffer(item, NEAR), other)) > reaches * WORKTOP

@@ -291,11 +291,13 @@ def is_sweep(arguments: list[str]) -> bool:
 def as_written(arguments: list[str], schema: type, *, sweeps: bool = False) -> list[str]:
     """Return the arguments, values of text options quoted, so that Hydra reads no number, list or blank into them.
 
-    So are the names of files that a group lacks. In a sweep commas separate values, and the user has to quote a text
-    that contains one. Raises InputError for a value without an option, and for an option with dashes before it.
+    So is the value of a group of files that names none of them. In a sweep commas separate values, and the user has to
+    quote a text that contains one. Raises InputError for a value without an option, and for an option with dashes
+    before it.
     """
-    kinds, of_files = options(schema), {folder.name for folder in config_directory().iterdir() if folder.is_dir()}
-    texts = of_files.union(name for name, kind in kinds.items() if kind in (str, str | None))
+    kinds, groups = options(schema), [folder for folder in config_directory().iterdir() if folder.is_dir()]
+    of_files = {group.name: {file.stem for file in group.glob("*.yaml")} for group in groups}
+    texts = {*of_files}.union(name for name, kind in kinds.items() if kind in (str, str | None))
     sweeps = sweeps or is_sweep(arguments)
 
     def quoted(argument: str) -> str:
@@ -303,10 +305,10 @@ def as_written(arguments: list[str], schema: type, *, sweeps: bool = False) -> l
             raise InputError(f"{argument}: expected <option>=<value>; --help shows all options")
         key, equals, value = argument.partition("=")
         bare = key.removeprefix("--").replace("-", "_")
-        is_option = bare in (kinds.keys() | of_files)
+        is_option = bare in (kinds.keys() | of_files.keys())
         if key.startswith("--") and is_option and (bare != "run" or equals):  # --run alone is Hydra's own
             raise InputError(f"{argument}: expected <option>=<value> without dashes, as {bare}=...")
-        if (config_directory() / key / f"{value}.yaml").is_file():
+        if value in of_files.get(key, ()):
             return argument
         plain = key in texts and equals and value != "null" and value[:1] not in ("'", '"') and "${" not in value
         if not plain or ((sweeps or key in of_files) and re.search(r"[,()]", value)):

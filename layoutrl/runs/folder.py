@@ -1,13 +1,11 @@
-"""The folder of a run: its name, its configuration in config.yaml, and what tells one run from another."""
+"""The folder of a run: its name, its configuration in config.yaml, and how two differ."""
 
 from __future__ import annotations
 
-import hashlib
 import io
 import json
 import re
 import shutil
-from collections.abc import Sequence
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
@@ -17,7 +15,6 @@ from omegaconf import OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
 from layoutrl import InputError
-from layoutrl.rooms.room import Room
 from layoutrl.rooms.sources.parts import Data
 from layoutrl.runs.config import AnyTraining, Config
 from layoutrl.runs.files import write_whole
@@ -112,11 +109,6 @@ def stated(config: AnyTraining) -> dict[str, Any]:
     updates = said["method"]["updates"]
     said["method"]["updates"] = {budget: number for budget, number in updates.items() if budget == config.budget.name}
     return said
-
-
-def digest(rooms: Sequence[Room]) -> str:
-    """Return a SHA-256 hash of rooms and all that they hold."""
-    return hashlib.sha256(repr(rooms).encode()).hexdigest()
 
 
 def differences(first: dict[str, Any], second: dict[str, Any], prefix: str = "") -> list[str]:

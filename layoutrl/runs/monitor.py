@@ -109,9 +109,9 @@ def reported(
             board(custom_scalars(layout), 0)
         for report in training:
             found: dict[str, Any] = flat(vars(report), between="/")
-            found = {tag: value for tag, value in found.items() if tag.startswith("loss") or not math.isnan(value)}
+            found = {tag: value for tag, value in found.items() if is_loss(tag) or not math.isnan(value)}
             for tag, value in found.items():
-                if tag.split("/")[0] == "loss" and not math.isfinite(value):
+                if is_loss(tag) and not math.isfinite(value):
                     raise InputError(
                         f"method: the {tag} is {value} after {report.updates} updates; expected a number: begin "
                         "another run with a lower method.learning_rate"
@@ -124,7 +124,7 @@ def reported(
                 board(scalar(tag, value), report.updates)
             rows.writerow({column: found.get(tag, "") for tag, column in tags.items()})
             bar.update(report.updates - bar.n)
-            said |= {BAR.get(tag, tag): value for tag, value in found.items() if tag in BAR or tag.startswith("loss/")}
+            said |= {BAR.get(tag, tag): value for tag, value in found.items() if tag in BAR or is_loss(tag)}
             bar.set_postfix(said)
             if evaluates:
                 yield found["iou/train"]
@@ -225,6 +225,11 @@ def record_result(folder: Path, settings: dict[str, Any], result: dict[str, Any]
             board(summary, 0)
         for tag, value in final.items():
             board(scalar(tag, value), updates)
+
+
+def is_loss(tag: str) -> bool:
+    """Whether a curve is of a loss: `loss`, or one of several, as `loss/orient`."""
+    return tag.split("/")[0] == "loss"
 
 
 def flat(settings: dict[str, Any], prefix: str = "", between: str = ".") -> dict[str, Any]:

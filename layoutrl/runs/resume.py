@@ -23,6 +23,7 @@ from hydra.errors import CompactHydraException
 from hydra.types import RunMode
 
 from layoutrl import InputError, __version__
+from layoutrl.rooms.collection import digest
 from layoutrl.rooms.room import Room
 from layoutrl.runs.checkpoints import CHECKPOINTS, checkpoints, load_checkpoint, misfit_explained, save_checkpoint
 from layoutrl.runs.commands import Stopped, in_a_line, mendable
@@ -31,7 +32,6 @@ from layoutrl.runs.files import LOCK, check_writable, locked, write_json
 from layoutrl.runs.folder import (
     check_there,
     differences,
-    digest,
     folders_of,
     load_config,
     located,
@@ -157,6 +157,7 @@ def session(
             seconds_before = state["seconds"]
         about |= {"threads": torch.get_num_threads()}
         kept = Session(training, folder, identity | about, seconds_before)
+        print(f"in {folder}")
         with write_errors_explained(folder, config, training), stopped_by_signals(training):
             yield kept
             if [c.updates for c in checkpoints(folder)[:1]] != [training.updates]:
@@ -342,11 +343,11 @@ def stopped_by_signals(training: Stoppable) -> Iterator[None]:
 
     def stop(number: int, _: FrameType | None) -> None:
         training.stopping = True
-        if sys.stderr:  # not by print, which may be what was interrupted
-            os.write(
-                2, b"\nstops after this update, and saves; the same signal again: stops at once, and does not save\n"
-            )
         signal.signal(number, before[signal.Signals(number)])
+        told = b"\nstops after this update, and saves; the same signal again: stops at once, and does not save\n"
+        with suppress(OSError):  # of a terminal that is gone, which is when SIGHUP comes
+            if sys.stderr:
+                os.write(2, told)  # not by print, which may be what was interrupted
 
     main = threading.current_thread() is threading.main_thread()  # no other thread can handle signals
     heard = [n for n in STOPPING if main and signal.getsignal(n) not in (signal.SIG_IGN, None)]

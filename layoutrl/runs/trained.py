@@ -13,11 +13,12 @@ import torch
 from layoutrl import InputError
 from layoutrl.agents.learner import Agent, q_network
 from layoutrl.env.reward import Reward
+from layoutrl.rooms.collection import digest
 from layoutrl.rooms.room import Room
 from layoutrl.rooms.sources.parts import Data, parts_of
 from layoutrl.runs.checkpoints import load_checkpoint, misfit_explained
 from layoutrl.runs.config import AS_IN_THE_RUN, RunConfig, TrainConfig
-from layoutrl.runs.folder import check_there, digest, load_config, located, moved, stated
+from layoutrl.runs.folder import check_there, load_config, located, moved, stated
 from layoutrl.runs.machine import device_of
 from layoutrl.runs.ranges import check_on_illegal
 

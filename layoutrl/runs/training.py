@@ -69,7 +69,6 @@ def train(
             probes[name] = partial(probe, greedy(learner.agent.network, method))
     about = {"categories": learner.categories}
     with session(training, config, training_rooms, folder, device, **about) as kept:
-        print(f"in {kept.folder}")
         for iou in watched(training, probes, kept.folder, updates, budget.evaluations):
             kept.save(iou)
     return TrainedAgent(kept.folder, learner, kept.seconds, training.stopping)

@@ -206,6 +206,11 @@ def test_what_is_to_be_furnished_may_have_the_names_that_place_knows(answers):
     assert said["lines"] == []
     assert said["choices"][0]["furniture"][0]["category"] == "wardrobe"
     assert "center" in said["choices"][0]["furniture"][0]
+    document["furniture"][0] |= {"category": "Couch", "center": [2.0, 2.0], "rotation": 0}
+    with pytest.raises(InputError, match="nobody places a sofa in a bedroom"):
+        answers.answer("moves", json.dumps({"room": document, "item": 0}).encode())
+    with pytest.raises(InputError, match="choises: unknown field"):
+        answers.home(body(ROOMS[0], choises=1))
 
 
 def test_the_furnisher_is_given_the_choices_and_the_seed_that_are_asked_for(answers, monkeypatch):

@@ -173,19 +173,27 @@ def assert_same(told: Any, expected: Any) -> None:
         np.testing.assert_allclose(told, expected, rtol=0, atol=2e-2 if np.asarray(told).dtype == float else 2e-6)
 
 
-def test_with_gains_an_episode_returns_the_mean_of_the_items_last_rewards() -> None:
+def test_with_gains_an_episode_returns_how_far_the_items_last_rewards_are_above_the_lowest() -> None:
     paid, item_alone, rng = RoomsEnv(BEDROOMS, gains=True), RoomsEnv(BEDROOMS), np.random.default_rng(0)
     for room, design in enumerate(BEDROOMS):
         _, info = paid.reset(seed=room, options={"room": room})
         item_alone.reset(seed=room, options={"room": room})
         assert paid.step(0)[1] == item_alone.step(0)[1] == 0  # nothing is taken yet
-        last, returned = np.zeros(len(design.furniture)), 0.0
+        last, returned = np.full(len(design.furniture), -200.0), 0.0
         for _ in range(60):
             action = legal_action(info, rng)
             _, gain, _, _, info = paid.step(action)
             returned += float(gain)
             last[info["item"]] = item_alone.step(action)[1]
-        assert returned == pytest.approx(last.mean())
+        assert returned == pytest.approx(last.mean() + 200)
+
+
+def test_with_gains_it_pays_to_take_an_item_though_nobody_knows_its_place() -> None:
+    desk = Item("desk", (0.6, 1.2), None, None)
+    env = RoomsEnv([rectangular_room(4, 3, Item("bed", (2.0, 1.5), None, None), others=(desk,))], gains=True)
+    for seed in range(5):
+        env.reset(seed=seed)
+        assert env.step(env.simulator.actions - 1)[1] >= 0
 
 
 @pytest.mark.parametrize(("more", "gains"), [(0, False), (3, False), (3, True)])

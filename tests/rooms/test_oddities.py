@@ -405,6 +405,8 @@ def test_a_toilet_has_room_for_the_elbows_on_both_sides(aside: float, odd: bool,
     beside = Item("vanity", (0.5, 1.0), (0.25, 1.5 + aside + 0.5), 0)
     assert first_is(CROWDED, turned, toilet((0.325, 1.5), 0), beside) == odd
     assert not first_is(CROWDED, turned, toilet((0.325, 1.5), 0), replace(beside, center=(3.0, 1.5)))
+    wide = Item("toilet", (0.65, 2 * aside + 0.04), (0.325, aside + 0.02), 0)  # with its arms, it stands in a corner
+    assert not first_is(CROWDED, turned, wide)
 
 
 @pytest.mark.parametrize("turned", [0, 1, 2, 3])
@@ -417,6 +419,14 @@ def test_who_sits_at_a_desk_can_rise(behind: float, odd: bool, turned: int) -> N
     back_to_back = replace(at_desk, center=(at_desk.center[0] - 0.5 - behind, 1.5), rotation=180)
     its_desk = replace(desk, center=(back_to_back.center[0] - 0.55, 1.5), rotation=0)
     assert first_is(CROWDED, turned, at_desk, desk, back_to_back, its_desk) == odd
+    assert not first_is(CROWDED, turned, against_wall[0])  # it is at no desk
+    assert not first_is(CROWDED, turned, against_wall[0], replace(desk, center=None))
+
+
+def test_what_stands_before_an_armchair_crowds_it_though_it_may_be_tucked_under_tables() -> None:
+    chair, case = Item("armchair", (0.8, 0.8), (0.4, 1.5), 0), Item("sideboard", (0.4, 1.6), (1.05, 1.5), 180)
+    assert first_is(CROWDED, 0, chair, case)
+    assert first_is(CROWDED, 0, replace(chair, tucked=True), case)
 
 
 @pytest.mark.parametrize("turned", [0, 1, 2, 3])
@@ -435,6 +445,8 @@ def test_no_seat_before_a_television_has_its_back_to_it(rotation: float, odd: bo
     beyond = Item("coffee_table", (0.5, 0.5), (3.0, 1.5), 0)
     assert first_is(TURNED_AWAY, turned, sofa, unit, beyond) == odd
     assert not first_is(TURNED_AWAY, turned, sofa, replace(unit, rotation=180), beyond)  # which faces the wall
+    watched = replace(unit, center=(3.8, 1.5), rotation=180)
+    assert not first_is(TURNED_AWAY, turned, replace(sofa, rotation=0), unit, watched)
 
 
 @pytest.mark.parametrize("turned", [0, 1, 2, 3])
@@ -450,7 +462,9 @@ def test_a_sink_and_a_cooktop_have_a_worktop_beside_them(category: str, turned: 
     other = Item("sink" if category == "cooktop" else "cooktop", (0.6, 0.6), (0.3, 0.4), 0)
     away = replace(counter, center=(3.7, 1.9), rotation=180)
     assert odd(one, away)
-    assert not odd(one, away, Item("dishwasher", (0.6, 0.6), (0.3, 1.6), 0))  # which is built in below a worktop
+    washer = Item("dishwasher", (0.6, 0.6), (0.3, 1.6), 0)  # which is built in below a worktop
+    assert not odd(one, away, washer)
+    assert not odd(one, away, replace(washer, center=None))  # it may come here
     assert odd(one, away, Item("fridge", (0.6, 0.6), (0.3, 1.6), 0))
     assert not odd(one, replace(counter, center=(3.7, 1.9), rotation=180), other)
     assert not odd(one, replace(counter, center=(3.7, 1.9), rotation=180), replace(other, center=None))  # it waits

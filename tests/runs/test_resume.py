@@ -170,6 +170,26 @@ def test_a_signal_stops_a_training_once_and_not_where_it_is_ignored(number):
         signal.signal(number, before)
 
 
+def test_who_stops_a_training_is_told_how_it_goes_on_and_it_saves_though_the_terminal_is_gone(capfd, monkeypatch):
+    training = SimpleNamespace(stopping=False)
+    before = signal.signal(signal.SIGHUP, signal.SIG_DFL)
+    try:
+        with resume.stopped_by_signals(training):
+            signal.raise_signal(signal.SIGHUP)
+        assert "stops after this update, and saves; the same signal again: stops at once" in capfd.readouterr().err
+
+        def gone(*_):
+            raise OSError(errno.EIO, "Input/output error")
+
+        training.stopping = False
+        with monkeypatch.context() as patch, resume.stopped_by_signals(training):
+            patch.setattr(os, "write", gone)
+            signal.raise_signal(signal.SIGHUP)
+        assert training.stopping
+    finally:
+        signal.signal(signal.SIGHUP, before)
+
+
 def reports_of(folder: Path) -> int:
     return sum(file.read_text().count("\n") for file in folder.glob("tatami/*/metrics.csv"))
 

@@ -13,7 +13,7 @@ from layoutrl.rooms.collection import Collection, all_standing, choose_item, spl
 from layoutrl.rooms.designer.generator import Part
 from layoutrl.rooms.disturbances import disturbed
 from layoutrl.rooms.room import Room
-from layoutrl.rooms.sources import designer_cache, designer_rooms, floorplans, read_homes
+from layoutrl.rooms.sources import FILES, designer_cache, designer_rooms, floorplans, read_homes
 
 
 @dataclass
@@ -39,9 +39,11 @@ class Data:
     def read(self, room_type: str) -> Collection:
         """Return the rooms of one type in the source's files.
 
-        Raises InputError for no root, a root without files, and a room type that the source does not have.
+        Raises InputError for an unknown source, no root, a root without files, and a room type that the source lacks.
         """
         source, root = str(self.source), self.path
+        if source not in FILES:
+            raise InputError(f"data.source: expected one of designer, {', '.join(FILES)}; got {source}")
         if root is None:
             raise InputError(f"data.root: {source} expects the folder of its files, as data.root=<folder>")
         if source == "floorplans":

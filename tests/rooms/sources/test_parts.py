@@ -32,6 +32,12 @@ def test_which_rooms_are_disturbed_and_how_hangs_on_seed_and_index_alone(tmp_pat
     assert whole_parts("study", replace(data, train_rooms=6), 0)[0] == training[:6]
 
 
+@pytest.mark.parametrize("source", ["desinger", None])
+def test_a_source_that_there_is_not_is_answered_with_those_that_there_are(source: str | None, tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=rf"^data.source: expected one of designer, floorplans, .*; got {source}$"):
+        Data(source, str(tmp_path)).read("bedroom")
+
+
 def test_where_no_room_could_be_read_the_data_are_named_and_no_item(tmp_path: Path) -> None:
     (tmp_path / "rooms.json").write_text(json.dumps({"id": "b"}))
     with pytest.raises(InputError, match=r"data: .* has no bedroom that can be used"):
