@@ -109,7 +109,6 @@ def reported(
             board(custom_scalars(layout), 0)
         for report in training:
             found: dict[str, Any] = flat(vars(report), between="/")
-            found = {tag: value for tag, value in found.items() if is_loss(tag) or not math.isnan(value)}
             for tag, value in found.items():
                 if is_loss(tag) and not math.isfinite(value):
                     raise InputError(
@@ -122,7 +121,8 @@ def reported(
                 found |= look(board, report.updates)
             for tag, value in found.items():
                 board(scalar(tag, value), report.updates)
-            rows.writerow({column: found.get(tag, "") for tag, column in tags.items()})
+            known = {tag: value for tag, value in found.items() if not math.isnan(value)}  # before an episode ends
+            rows.writerow({column: known.get(tag, "") for tag, column in tags.items()})
             bar.update(report.updates - bar.n)
             said |= {BAR.get(tag, tag): value for tag, value in found.items() if tag in BAR or is_loss(tag)}
             bar.set_postfix(said)
