@@ -1295,6 +1295,9 @@ def test_of_rooms_in_memory_one_kind_of_item_is_placed_where_it_alone_is_asked_f
     room = replace(room, furniture=(*room.furniture, Item("wardrobe", (0.6, 1.0), None, None)))
     (answer,) = furnish([room], item="Schrank", move="all", device="cpu")
     assert answer.request.wanted == [len(room.furniture) - 1]
+    lacking = replace(room, furniture=tuple(replace(item, center=None) for item in room.furniture))
+    (answer,) = furnish([lacking], item="wardrobe")
+    assert f"; {len(room.furniture) - 1} more have no place, and were not asked for" in next(answer.lines())
     (answer,) = furnish([room], by="search", seconds=0.5)
     assert answer.request.wanted == [len(room.furniture) - 1]
 

@@ -68,6 +68,7 @@ ITEM_REQUIRED = ("category", "size")
 ITEM_OPTIONAL = ("center", "rotation", "shape", "tucked", "locked")
 # Names that others give our fields: an item that has one of them instead is refused.
 MISNAMED_FIELDS = {"position": "center", "pos": "center", "x": "center", "y": "center", "angle": "rotation"}
+MEANT = {"category": ("type", "name"), "outline": ("boundary", "floor"), "room_type": ("type",)}  # so do others, too
 EXPECTED = {  # what messages say of a field that is missing or has another name
     "id": "a name",
     "room_type": f"one of {', '.join(MAIN_ITEM)}",
@@ -82,6 +83,7 @@ EXPECTED = {  # what messages say of a field that is missing or has another name
     "rotation": "rotation, in degrees",
 }
 FAULTS_FIELD = "faults"  # an item's faults in a file that `place` has written
+NO_JSON = "; it has no comments, no single quotes, and no comma before a closing bracket"
 NOT_SIMPLE = "expected a simple polygon"  # how the problem of a ring that crosses itself begins
 BEYOND = "lie within the room's outer walls"  # what messages expect of an item that does not
 ALIKE = 0.8  # difflib's ratio: a name as similar to a field's is taken for a misspelling of it
@@ -166,7 +168,8 @@ def parsed(text: str | bytes, line: bool = False) -> Any:
             return RoomError("file", "is empty; expected a room, or a list of them")
         if error.pos < len(error.doc.rstrip()):
             where = f"line {error.lineno}, " if "\n" in error.doc.rstrip() else ""
-            return RoomError(f"{where}column {error.colno}", f"expected JSON; {error.msg}")
+            hint = NO_JSON if error.msg.startswith("Expecting") and "delimiter" not in error.msg else ""
+            return RoomError(f"{where}column {error.colno}", f"expected JSON; {error.msg}{hint}")
         if not line:
             return RoomError("file", "expected whole JSON; the text breaks off")
         said = "expected one whole JSON object; the text breaks off (a room over several lines is a .json file)"
@@ -179,6 +182,8 @@ def parsed(text: str | bytes, line: bool = False) -> Any:
 
 def not_utf8(error: UnicodeDecodeError) -> RoomError:
     """Return the error of a text that is not in UTF-8."""
+    if error.object.startswith(b"PK"):
+        return RoomError("text", "expected JSON; it is a ZIP file: if a home of Sweet Home 3D, name it .sh3d")
     return RoomError("text", f"expected UTF-8; {error.reason} at byte {error.start}")
 
 
@@ -197,10 +202,12 @@ def check_room_type(name: str) -> None:
 
 def _room_type(said: str) -> str:
     """Return the room type that is written so: "Living room" is living_room. Raises RoomError for another name."""
-    name = re.sub(r"[\s-]+", "_", said.strip().lower())
-    if name not in MAIN_ITEM:
-        check_room_type(said)
-    return name
+    letters = re.sub(r"[\s_-]", "", said.lower())
+    for name in MAIN_ITEM:
+        if letters == name.replace("_", ""):
+            return name
+    check_room_type(said)
+    return said
 
 
 def room_from_dict(document: Any) -> Room:
@@ -295,11 +302,14 @@ def _check_fields(entry: Any, field: str, required: tuple[str, ...], optional: t
         hint = "; a list of rooms is read from a .json file" if field == "room" and isinstance(entry, list) else ""
         raise RoomError(field, f"expected a JSON object; got {_show(entry)}{hint}")
     prefix = "" if field == "room" else f"{field}."
+    known = required + optional
     for name in required:
         if name not in entry:
-            raise RoomError(prefix + name, f"missing; expected {EXPECTED[name]}")
+            others = {other.lower(): other for other in entry if other not in known}
+            near = difflib.get_close_matches(name, others, 1, ALIKE) or [m for m in MEANT.get(name, ()) if m in others]
+            hint = f"; got {others[near[0]]!r}, which is no field" if near else ""
+            raise RoomError(prefix + name, f"missing; expected {EXPECTED[name]}{hint}")
     for name in entry:
-        known = required + optional
         if name not in known and (near := difflib.get_close_matches(name, known, 1, ALIKE)):
             raise RoomError(prefix + name, f"unknown field; expected {near[0]}, or a name that is not as near to it")
 
@@ -365,7 +375,8 @@ def _ring(value: Any, field: str) -> Ring:
         raise RoomError(field, f"expected at least three different corners; got {len(ring)}")
     polygon = Polygon(ring)
     if not polygon.is_valid:
-        raise RoomError(field, f"{NOT_SIMPLE}; got one with {explain_validity(polygon)}")
+        meet = re.search(r"\[(\S+) (\S+)\]", explain_validity(polygon))
+        raise RoomError(field, NOT_SIMPLE + (f"; its sides meet at [{meet[1]}, {meet[2]}]" if meet else ""))
     if polygon.area < TOLERANCE**2:
         raise RoomError(field, f"expected a polygon with an area; it has {polygon.area:.1g} m²: is the unit right?")
     return ring if polygon.exterior.is_ccw else ring[::-1]

@@ -8,6 +8,7 @@ from itertools import groupby
 from operator import itemgetter
 from typing import Any, NamedTuple
 
+from layoutrl.rooms.brief import missing
 from layoutrl.rooms.documents import with_layout
 from layoutrl.rooms.faults import ILL_PLACED, MISSING, OVERLAPS, Fault
 from layoutrl.rooms.furnished import same
@@ -120,6 +121,9 @@ class Answer:
             before = self.wrong_where_stood
             if n == 1 and before is not None and len(before) < len(wrong):
                 said.append(f"less was wrong where all stood ({len(before)} instead of {len(wrong)})")
+            if n == 1 and (left := len({*missing(layout)} - {*self.request.wanted})):
+                has, was = ("has", "was") if left == 1 else ("have", "were")
+                said.append(f"{left} more {has} no place, and {was} not asked for")
             nothing = "nothing else is wrong" if room else "nothing is wrong"
             found = "; ".join([*(room if n == 1 else []), *said]) or nothing
             placed = f"{self.placed(n - 1)} of {len(self.request.wanted)} placed{by and f' by {by}'}"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import difflib
 import math
 from collections import Counter
 from collections.abc import Callable, Collection, Sequence
@@ -12,6 +13,7 @@ from layoutrl.rooms import fitting
 from layoutrl.rooms.brief import distinct_rotations, missing
 from layoutrl.rooms.categories import own_names
 from layoutrl.rooms.clearances import RAISED, RUGS, passage
+from layoutrl.rooms.documents import ALIKE
 from layoutrl.rooms.doors import door_widths, with_a_free_door_first
 from layoutrl.rooms.room import TOLERANCE, Item, Room
 from layoutrl.rooms.sizes import doubt
@@ -124,7 +126,9 @@ def _why(
                 f"it is known as {ours}, which {agents} of {', '.join(types)} {places}, not that of a {room.room_type}"
             )
         return f"{agents} of {', '.join(types)} {places} it; that of a {room.room_type} does not"
-    return f"who is asked places no {ours} in a {room.room_type}; expected one of {', '.join(sorted(known))}"
+    near = difflib.get_close_matches(ours, known, 1, ALIKE)
+    hint = f"; did you mean {near[0]}?" if near else ""
+    return f"who is asked places no {ours} in a {room.room_type}; expected one of {', '.join(sorted(known))}{hint}"
 
 
 def unstacked(brief: Room, layout: Room) -> Room:

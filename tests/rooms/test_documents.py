@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from dataclasses import replace
 from typing import Any
 
@@ -12,7 +13,7 @@ from hypothesis import strategies as st
 from shapely.geometry import Polygon
 
 from layoutrl.rooms.brief import without_poses
-from layoutrl.rooms.documents import room_from_dict, room_to_dict, with_layout
+from layoutrl.rooms.documents import parsed, room_from_dict, room_to_dict, with_layout
 from layoutrl.rooms.room import MAIN_ITEM, Item, Room, RoomError, wall_band
 from tests.builders import rectangle, rectangular_room, rooms
 
@@ -45,6 +46,26 @@ def test_a_tucked_chair_survives() -> None:
 def test_a_room_type_may_be_written_as_people_write_it(name: str) -> None:
     room = room_from_dict(document(room_type=name, furniture=[], target=None))
     assert room.room_type == "living_room"
+
+
+@pytest.mark.parametrize("name", ["bedroom", "bed room", "Bed-Room"])
+def test_a_room_type_may_be_written_apart(name: str) -> None:
+    assert room_from_dict(document(room_type=name)).room_type == "bedroom"
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        (
+            b'{"id": "a",}',
+            "expected JSON; .*; it has no comments, no single quotes, and no comma before a .*",
+        ),
+        (b'{"id" "a", "b": 1}', "expected JSON; Expecting ':' delimiter"),
+        (b"PK\x03\x04\xff", "text: expected JSON; it is a ZIP file: if a home of Sweet Home 3D, name it .sh3d"),
+    ],
+)
+def test_what_is_no_json_is_answered_with_what_may_be_meant(text: bytes, said: str) -> None:
+    assert re.search(f"{said}$", str(parsed(text)))
 
 
 @pytest.mark.parametrize(

@@ -132,6 +132,17 @@ BOWTIE = [[0, 0], [4, 3], [4, 0], [0, 3]]
 NAN, INFINITY = float("nan"), float("inf")
 FAULTS: dict[str, tuple[Change, str, str]] = {
     "outline crosses itself": (put("outline", BOWTIE), "outline", "simple polygon"),
+    "outline crosses itself here": (put("outline", [[0, 0], [4, 0], [0, 3], [4, 3]]), "outline", "meet at [2, 1.5]"),
+    "outline in capitals": (
+        lambda room: room.__setitem__("Outline", room.pop("outline")),
+        "outline",
+        "in metres; got 'Outline', which is no field",
+    ),
+    "item with a type": (
+        lambda room: room["furniture"][0].__setitem__("type", room["furniture"][0].pop("category")),
+        "furniture[0].category",
+        "missing; expected a name, as bed; got 'type', which is no field",
+    ),
     "outline of two corners": (put("outline", [[0, 0], [4, 0], [0, 0]]), "outline", "three different corners"),
     "outline without area": (put("outline", [[0, 0], [2, 0], [4, 0]]), "outline", "expected a"),
     "outline is no list": (put("outline", "4x3"), "outline", "list"),

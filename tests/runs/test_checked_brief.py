@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -55,6 +56,12 @@ def test_what_cannot_be_placed_is_named_and_the_rest_is_furnished(furniture: tup
     assert found.brief.furniture == (BED,)
     placed = replace(BED, center=(1.0, 1.5), rotation=90.0)
     assert found.merge(replace(found.brief, furniture=(placed,))).furniture == (placed, furniture[1])
+
+
+@pytest.mark.parametrize(("name", "hint"), [("wardrob", r"; did you mean wardrobe\?"), ("aquarium", "")])
+def test_a_category_that_is_misspelt_is_answered_with_the_one_that_is_meant(name: str, hint: str) -> None:
+    (said,) = checked_brief(room_with(BED, Item(name, (0.6, 1.0), None, None)), KNOWN).lines
+    assert re.search(rf", \w+{hint}$", said)
 
 
 def test_what_nobody_places_is_told_once_with_its_number() -> None:
