@@ -17,6 +17,7 @@ from layoutrl.evaluation.moving import Mover
 from layoutrl.rivals.budgets import seconds_budget, updates_budget
 from layoutrl.rivals.rooms.rival import SearchOrAnnealer
 from layoutrl.rivals.rooms.search import Searching
+from layoutrl.rooms.brief import missing
 from layoutrl.rooms.called import by_any_name
 from layoutrl.rooms.faults import ILL_PLACED, new_faults
 from layoutrl.rooms.furnished import Furnished, Furnishes, same
@@ -35,6 +36,8 @@ from layoutrl.runs.wording import any_of
 # Of the search that helps where an agent's layout has a shortcoming, and of the next, where each layout still has a
 # fault. With a limit in seconds, layouts would differ between machines.
 RESTARTS = (8, 64)
+LAYOUTS = 3  # that the furnisher itself is then asked for, where each still has a shortcoming,
+MANY = 12  # but not for more items: it would take minutes
 HALL = 625.0  # square metres of floor, beyond which the search takes seconds (two, in 25 m by 25 m)
 
 
@@ -78,7 +81,8 @@ def furnisher_for(config: PlaceConfig) -> FurnisherInfo:
 
 class Helped:
     """A furnisher with searches to help it. Where one of its layouts has `shortcomings`, the first search is asked for
-    as many layouts; where every layout then has a fault, the next search, which takes longer.
+    as many layouts; where every layout then has a fault, the next search, which takes longer. Where every layout still
+    has a shortcoming, the furnisher itself is asked for LAYOUTS.
 
     An item that anyone stacks on another loses its place: no room is left for it (`unstacked`). Rooms larger than HALL
     are not searched: it would take many times as long as the furnisher itself.
@@ -91,14 +95,21 @@ class Helped:
         """See Furnishes. Layouts with fewer `shortcomings` come first; of equals those of `one`, in its order."""
         found = self._unstacked(self.one, briefs, choices, seed)
         lacks = shortcomings(briefs, found)
+
+        def ask(who: Furnishes, those: Sequence[int], count: int, by: str) -> None:
+            asked = [briefs[k] for k in those]
+            others = self._unstacked(who, asked, count, seed)
+            for k, theirs, lack in zip(those, others, shortcomings(asked, others), strict=True):
+                found[k] += [replace(each, by=by or each.by) for each in theirs]
+                lacks[k] += lack
+
         wanting = [k for k, lack in enumerate(lacks) if any(map(any, lack)) and briefs[k].indoor.area <= HALL]
         for search in self.searches:
-            asked = [briefs[k] for k in wanting]
-            others = self._unstacked(search, asked, choices, seed)
-            for k, theirs, lack in zip(wanting, others, shortcomings(asked, others), strict=True):
-                found[k] += [replace(each, by="the search") for each in theirs]
-                lacks[k] += lack
+            ask(search, wanting, choices, "the search")
             wanting = [k for k in wanting if all(faults for _, faults, _ in lacks[k])]
+        if choices < LAYOUTS:
+            lacking = [k for k, lack in enumerate(lacks) if all(map(any, lack)) and len(missing(briefs[k])) <= MANY]
+            ask(self.one, lacking, LAYOUTS, "")
         return [best_apart(layouts, lack, choices) for layouts, lack in zip(found, lacks, strict=True)]
 
     @staticmethod
