@@ -93,6 +93,22 @@ def test_who_searches_longer_is_asked_where_each_layout_has_a_fault() -> None:
     assert longer.asked == [brief.id]
 
 
+def test_who_furnishes_is_asked_for_three_where_each_layout_has_something_wrong(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    bad, brief = turned_round(DESIGNS[1]), brief_of(DESIGNS[1])
+    one = Known(bad, bad, DESIGNS[1])
+    ((best,),) = Helped(one, Known(bad)).furnish([brief], 1, 0)
+    assert (best.layout, best.by, one.asked) == (DESIGNS[1], "", [brief.id] * 2)
+    one = Known(bad, bad, bad, DESIGNS[1])
+    assert [each.layout for each in Helped(one).furnish([brief], 3, 0)[0]] == [bad]  # three are what was asked
+    assert one.asked == [brief.id]
+    monkeypatch.setattr(furnishers, "MANY", len(brief.furniture) - 1)
+    one = Known(bad, bad, DESIGNS[1])
+    ((worst,),) = Helped(one, Known(bad)).furnish([brief], 1, 0)
+    assert (worst.layout, one.asked) == (bad, [brief.id])
+
+
 def test_what_is_put_where_something_stands_has_no_place() -> None:
     design = DESIGNS[1]
     (center,) = design.indoor.centroid.coords
