@@ -15,9 +15,9 @@ from shapely.affinity import rotate
 from shapely.geometry import Polygon, box
 
 from layoutrl.agents.gains import WIDENED, rescaled
-from layoutrl.agents.replay import REWARD_SCALE
 from layoutrl.env.batch import BatchSimulator
 from layoutrl.env.measures import Measures, measured
+from layoutrl.env.reward import REWARD_SCALE
 from layoutrl.env.simulator import Simulator
 from layoutrl.evaluation.oracle import perfect_values
 from layoutrl.rooms.faults import faults

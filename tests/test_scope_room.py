@@ -6,6 +6,7 @@ import copy
 import json
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -22,8 +23,8 @@ from layoutrl.rooms.brief import brief_of
 from layoutrl.rooms.designer.generator import design_rooms
 from layoutrl.rooms.documents import room_to_dict
 from layoutrl.rooms.room import MAIN_ITEM
-from layoutrl.rooms.sources.parts import whole_parts
-from layoutrl.runs import pretrained
+from layoutrl.rooms.sources.parts import parts_of, whole_parts
+from layoutrl.runs import pretrained, training
 from layoutrl.runs.config import AS_IN_THE_RUN, EvaluateConfig, TrainConfig, WatchConfig, composed, narrowed
 from layoutrl.runs.folder import load_config
 from layoutrl.runs.monitor import FINAL
@@ -167,3 +168,25 @@ def test_a_batch_of_any_size_is_seen_in_both_views(tmp_path: Path) -> None:
 def test_what_does_not_go_with_whole_rooms_is_refused(tmp_path: Path, option: str, name: str) -> None:
     with pytest.raises(InputError, match=name):
         config(tmp_path, option)
+
+
+@pytest.mark.parametrize("scope", ["item", "room"])
+def test_what_chooses_the_best_checkpoint_is_measured_in_training_rooms(
+    scope: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    class Looked(Exception):
+        pass
+
+    def watched(_: Training, probes: dict[str, Any], *__: Any) -> None:
+        raise Looked({name: probe.func for name, probe in probes.items()})
+
+    monkeypatch.setattr(training, "RoomsProbe", lambda few: lambda: {room.id for room in few})
+    monkeypatch.setattr(training, "ItemProbe", lambda simulator, *_: lambda: {room.id for room in simulator.rooms})
+    monkeypatch.setattr(training, "watched", watched)
+    settings = config(tmp_path, f"scope={scope}")
+    parts = parts_of(scope, "tatami", "main", settings.data, 0)
+    with pytest.raises(Looked) as looked:
+        training.train(settings, *parts, torch.device("cpu"))
+    (probes,) = looked.value.args
+    for name, rooms in zip(("train", "held_out"), parts, strict=True):
+        assert probes[name]() <= {room.id for room in rooms}

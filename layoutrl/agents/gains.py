@@ -8,8 +8,9 @@ import torch
 from torch import Tensor, nn
 
 from layoutrl.agents.exploration import LinearSchedule
-from layoutrl.agents.replay import REWARD_SCALE, Transitions
+from layoutrl.agents.replay import Transitions
 from layoutrl.env.batch import BatchSimulator
+from layoutrl.env.reward import REWARD_SCALE
 
 UNIT = 0.01  # of rewards / 100: the scale is about linear below it and logarithmic above
 LARGEST = 12.0  # on that scale: above all true values; a network's output is clamped to it

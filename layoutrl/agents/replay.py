@@ -10,8 +10,6 @@ from torch import Tensor
 from layoutrl.agents.method import MOST_ACTIONS
 from layoutrl.env.geometry import GRID
 
-REWARD_SCALE = 100.0  # rewards are learned divided by this, so that the Huber loss is quadratic where it matters
-
 
 class Transitions(NamedTuple):
     """B transitions (S, A, R, S'), with states as poses; section 4.4 of Di & Yu 2021."""

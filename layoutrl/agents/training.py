@@ -15,10 +15,11 @@ from torch import Tensor
 from layoutrl.agents.dqn import DQN, UpdateStats
 from layoutrl.agents.exploration import LinearSchedule, explore
 from layoutrl.agents.gains import EveryMove
-from layoutrl.agents.replay import REWARD_SCALE, Replay, Transitions
+from layoutrl.agents.replay import Replay, Transitions
 from layoutrl.env.device import generator_of
 from layoutrl.env.episodes import Episodes, Step
 from layoutrl.env.observation import Observe, in_every_view
+from layoutrl.env.reward import REWARD_SCALE
 from layoutrl.env.symmetry import Symmetry, moves_in_every_view, values_in_every_view
 
 Begin = Callable[[torch.Generator], Episodes]  # makes episodes that draw from the generator

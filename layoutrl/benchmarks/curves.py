@@ -16,10 +16,10 @@ from torch import nn
 
 from layoutrl import InputError
 from layoutrl.agents.learner import Learner
-from layoutrl.agents.replay import REWARD_SCALE
 from layoutrl.benchmarks.learning import ENDLESS, training_pace, untrained
 from layoutrl.env.layout_env import LayoutEnv
 from layoutrl.env.observation import observation_of
+from layoutrl.env.reward import REWARD_SCALE
 from layoutrl.env.simulator import Simulator
 from layoutrl.evaluation.policy import Policy, greedy
 from layoutrl.evaluation.probe import ItemProbe

@@ -16,6 +16,7 @@ if TYPE_CHECKING:  # the reference simulator does without torch, which takes sec
 
 Values = TypeVar("Values", np.ndarray, "Tensor", float)  # of many poses, or of one
 REWARD_RANGE = (-200.0, 100.0)
+REWARD_SCALE = 100.0  # rewards are learned divided by this, so that the Huber loss is quadratic where it matters
 
 
 class RewardTerms(NamedTuple, Generic[Values]):

@@ -20,9 +20,9 @@ import torch
 from torch import Tensor
 
 from layoutrl import InputError
-from layoutrl.agents.replay import REWARD_SCALE
 from layoutrl.env.batch import BatchSimulator
 from layoutrl.env.geometry import GRID, snap
+from layoutrl.env.reward import REWARD_SCALE
 from layoutrl.env.simulator import DIRECTIONS, Simulator
 
 TOLERANCE = 1e-6  # of discounted reward / REWARD_SCALE: branches that promise no more than this are cut

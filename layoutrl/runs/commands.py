@@ -186,7 +186,7 @@ def in_a_line(error: Exception) -> str:
     if out_of_memory(error):
         return (
             "memory: there is too little of it; expected less to keep there at once: fewer rooms or, of a training, a "
-            "smaller method.replay_capacity, method.batch or method.episodes"
+            "smaller method.replay_capacity, method.batch, method.episodes, method.evaluation_moves or method.climbs"
         )
     if isinstance(error, OSError):  # a full disk, no permission
         return f"{error.filename or 'a file'}: {error.strerror or error}; expected to be able to read or write it"

@@ -165,6 +165,8 @@ class TrainConfig(LearningConfig):
         within("reward.faces_away", faces_away, whole or faces_away == Reward.faces_away, usual)
         usual = f"{Method.own_share} with scope=item, which furnishes no room"
         within("method.own_share", own_share, whole or own_share == Method.own_share, usual)
+        snap = self.method.snap
+        within("method.snap", snap, not whole or snap == 0, "0.0 with scope=room, which puts in line from 3 cm")
         first, useful = self.method.discount_start, self.method.every_move
         usual = f"{Method.discount_start} without method.every_move"
         within("method.discount_start", first, useful or first == Method.discount_start, usual)

@@ -11,9 +11,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from layoutrl.agents.gains import MAY_LOSE, UNIT, WIDENED, EveryMove, gains, rescaled, unscaled
-from layoutrl.agents.replay import REWARD_SCALE
 from layoutrl.env.batch import BatchSimulator
-from layoutrl.env.reward import Reward
+from layoutrl.env.reward import REWARD_SCALE, Reward
 from layoutrl.env.simulator import Moves, Simulator
 from layoutrl.evaluation.oracle import perfect_values
 from layoutrl.rooms.room import Item

@@ -10,6 +10,7 @@ from layoutrl import InputError
 from layoutrl.agents.exploration import LinearSchedule
 from layoutrl.agents.learner import Learner
 from layoutrl.env.reward import Reward
+from layoutrl.evaluation.policy import greedy
 from layoutrl.rooms.designer.generator import design_rooms
 from layoutrl.rooms.room import Item, Room
 from layoutrl.runs.config import composed
@@ -59,3 +60,24 @@ def test_a_training_is_as_the_method_has_it(scope: str, own: str) -> None:
         assert (near, designed.tolist(), begun._goal_iou) == (0.3, [[2.0, 1.5]], 0.9)
     else:
         assert (begun._near_share, begun._own_share) == (0.3, 0.2)
+
+
+def test_a_training_and_its_network_have_every_setting_of_the_method() -> None:
+    given = {
+        "discount": 0.6, "batch": 7, "warmup_moves": 11, "replay_capacity": 99, "episodes": 4, "target_period": 13,
+        "double": "true", "learning_rate": 0.002, "symmetries": "false",
+    }  # fmt: skip
+    made = learner(rectangular_room(4, 3), *(f"method.{name}={value}" for name, value in given.items()), updates=40)
+    training, dqn = made.training(3), made.dqn
+    assert (training._discount, training._batch, training._warm, training._report_every) == (0.6, 7, 11, 3)
+    assert (made.replay.capacity, len(training._symmetries), training._total_updates) == (99, 1, 40)
+    assert (dqn.target_period, dqn.double, dqn.optimizer.param_groups[0]["lr"]) == (13, True, 0.002)
+
+
+def test_values_of_every_move_are_learned_with_a_rising_discount_and_used_with_the_last() -> None:
+    options = "method=paper_every_move", "method.discount_start=0.2", "method.discount=0.6", "method.episodes=4"
+    made = learner(rectangular_room(4, 3), *options, updates=40)
+    every_move = made.training(1)._every_move
+    assert every_move is not None
+    assert [every_move.discount_at(updates) for updates in (0, 40)] == pytest.approx([0.2, 0.6])
+    assert greedy(made.dqn.network, made.method).discount == 0.6

@@ -16,12 +16,12 @@ from layoutrl.agents.exploration import LinearSchedule
 from layoutrl.agents.gains import EveryMove
 from layoutrl.agents.learner import Learner
 from layoutrl.agents.networks import GeometryNetwork
-from layoutrl.agents.replay import REWARD_SCALE, Replay, Transitions
+from layoutrl.agents.replay import Replay, Transitions
 from layoutrl.agents.training import Progress, Training
 from layoutrl.env.batch import BatchSimulator
 from layoutrl.env.episodes import Episodes
 from layoutrl.env.observation import GeometryObservation
-from layoutrl.env.reward import Reward, RewardTerms
+from layoutrl.env.reward import REWARD_SCALE, Reward, RewardTerms
 from layoutrl.env.simulator import Moves, Simulator
 from layoutrl.env.symmetry import Symmetry, symmetries
 from layoutrl.evaluation.metrics import lattice_ceiling

@@ -116,6 +116,21 @@ def test_items_begin_anywhere_or_near_the_designers_place(scenes, simulator) -> 
     assert turned[1] == 1
 
 
+def test_near_starts_and_own_mistakes_have_the_shares_that_they_are_given(scenes, simulator) -> None:
+    quarter = torch.tensor(simulator.designed()[1])
+    turned = []
+    for near in (0.0, 0.5):
+        begun = episodes(scenes, simulator, count=4000, near=near)
+        room, item = begun.room[:, 0].long(), begun.room[:, 1].long()
+        turned.append((scenes.quarter(begun.room) == quarter[room, item]).double().mean().item())
+    assert turned[1] == pytest.approx((1 + turned[0]) / 2, abs=0.05)
+    for epsilon, share in ((0.0, 0.5), (0.5, 0.25)):  # of what begins, a share of the greedy share
+        running = episodes(scenes, simulator, count=500, own=0.5)
+        for _ in played(running, 150, epsilon):
+            pass
+        assert running._own.double().mean().item() == pytest.approx(share, abs=0.1)
+
+
 def test_what_the_designer_turned_so_that_it_fits_no_way_along_the_walls_that_is_near_begins_as_it_fits() -> None:
     slanted = Item("bookcase", (0.3, 3.2), (1.6, 1.25), 45.0)  # along one side of the room alone it has a place
     room = rectangular_room(3.2, 2.5, slanted, walls=())

@@ -7,9 +7,8 @@ from dataclasses import replace
 import numpy as np
 import torch
 
-from layoutrl.agents.replay import REWARD_SCALE
 from layoutrl.env.batch import BatchSimulator
-from layoutrl.env.reward import Reward
+from layoutrl.env.reward import REWARD_SCALE, Reward
 from layoutrl.env.simulator import Simulator
 from layoutrl.evaluation.gains_policy import GainsPolicy
 from layoutrl.evaluation.rollout import MeanQ
