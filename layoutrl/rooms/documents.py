@@ -202,12 +202,10 @@ def check_room_type(name: str) -> None:
 
 def _room_type(said: str) -> str:
     """Return the room type that is written so: "Living room" is living_room. Raises RoomError for another name."""
-    letters = re.sub(r"[\s_-]", "", said.lower())
-    for name in MAIN_ITEM:
-        if letters == name.replace("_", ""):
-            return name
-    check_room_type(said)
-    return said
+    known = {name.replace("_", ""): name for name in MAIN_ITEM}
+    if (letters := re.sub(r"[\s_-]", "", said.lower())) not in known:
+        check_room_type(said)
+    return known[letters]
 
 
 def room_from_dict(document: Any) -> Room:
