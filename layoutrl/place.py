@@ -74,8 +74,9 @@ def furnish(
         raise InputError(f"device: expected text; got {device!r:.60}")
     if isinstance(seconds, bool) or not isinstance(seconds, Real):
         raise InputError(f"seconds: expected a number; got {seconds!r:.60}")
-    config = replace(in_memory(), choices=choices, move=move, by=by, run=run, item=item, seed=seed)
-    config = replace(config, seconds=seconds, device=device)
+    config = replace(
+        in_memory(), choices=choices, move=move, by=by, run=run, item=item, seconds=seconds, seed=seed, device=device
+    )
     check_who(config)
     config = by_category(config)
     check_item_moves(config)

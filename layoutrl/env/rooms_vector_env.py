@@ -93,7 +93,7 @@ class RoomsVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         self._moves_made += 1
         observation, reward, info = self._arrive(~legal)
         if self.gains:
-            reward = self._gains(reward, info["item"], info["room"])
+            reward = self._gain(reward, info["item"], info["room"])
         ended = self._moves_made >= self.max_moves
         if ended:
             if self.measure:
@@ -150,7 +150,7 @@ class RoomsVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         info = told(terms, self.num_envs, legal=self._legal, item=item, room=state.room, illegal=illegal)
         return array(self._observe(state)), array(terms.total.double()), info
 
-    def _gains(self, reward: np.ndarray, item: np.ndarray, room: np.ndarray) -> np.ndarray:
+    def _gain(self, reward: np.ndarray, item: np.ndarray, room: np.ndarray) -> np.ndarray:
         """Return rewards as gains, (num_envs,), as RoomsEnv does."""
         taken, item = (item >= 0).nonzero()[0], item[item >= 0]
         gains = np.zeros(self.num_envs)

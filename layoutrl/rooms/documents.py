@@ -66,9 +66,14 @@ MOST_INSIDE = 0.5  # share of a door or window that may lie inside the room
 MOST = 1000  # corners of a polygon, or entries of any other list, at most
 ITEM_REQUIRED = ("category", "size")
 ITEM_OPTIONAL = ("center", "rotation", "shape", "tucked", "locked")
-# Names that others give our fields: an item that has one of them instead is refused.
-MISNAMED_FIELDS = {"position": "center", "pos": "center", "x": "center", "y": "center", "angle": "rotation"}
-MEANT = {"category": ("type", "name"), "outline": ("boundary", "floor"), "room_type": ("type",)}  # so do others, too
+# Names that others give our fields: a room or an item that has one of them instead is refused.
+MISNAMED_FIELDS = {
+    "center": ("position", "pos", "x", "y"),
+    "rotation": ("angle",),
+    "category": ("type", "name"),
+    "outline": ("boundary", "floor"),
+    "room_type": ("type",),
+}
 EXPECTED = {  # what messages say of a field that is missing or has another name
     "id": "a name",
     "room_type": f"one of {', '.join(MAIN_ITEM)}",
@@ -304,8 +309,9 @@ def _check_fields(entry: Any, field: str, required: tuple[str, ...], optional: t
     for name in required:
         if name not in entry:
             others = {other.lower(): other for other in entry if other not in known}
-            near = difflib.get_close_matches(name, others, 1, ALIKE) or [m for m in MEANT.get(name, ()) if m in others]
-            hint = f"; got {others[near[0]]!r}, which is no field" if near else ""
+            near = [*difflib.get_close_matches(name, others, 1, ALIKE), *MISNAMED_FIELDS.get(name, ())]
+            found = [others[other] for other in near if other in others]
+            hint = f"; got {found[0]!r}, which is no field" if found else ""
             raise RoomError(prefix + name, f"missing; expected {EXPECTED[name]}{hint}")
     for name in entry:
         if name not in known and (near := difflib.get_close_matches(name, known, 1, ALIKE)):
@@ -327,9 +333,9 @@ def _furniture(entries: Sequence[Any]) -> tuple[Item, ...]:
 
 def _item(entry: Any, field: str) -> Item:
     _check_fields(entry, field, ITEM_REQUIRED, ITEM_OPTIONAL)
-    for name, ours in MISNAMED_FIELDS.items():  # else an item that stands would count as one to be placed
-        if name in entry and ours not in entry:
-            raise RoomError(f"{field}.{name}", f"unknown field; expected {EXPECTED[ours]}")
+    for ours in ("center", "rotation"):  # else an item that stands would count as one to be placed
+        if ours not in entry and (found := [name for name in MISNAMED_FIELDS[ours] if name in entry]):
+            raise RoomError(f"{field}.{found[0]}", f"unknown field; expected {EXPECTED[ours]}")
     entry = _without_nulls(entry, ITEM_OPTIONAL)
     depth, width = _pair(entry["size"], f"{field}.size")
     if depth <= 0 or width <= 0:

@@ -234,17 +234,15 @@ def floor_ahead(items: Items, those: np.ndarray, depth: np.ndarray, quarter: int
 
     It is before the side that is so many quarter turns from the front.
     """
-    size, degrees = items.size[those], items.degrees[those] + 90 * quarter
-    deep, wide = size.T if quarter % 2 == 0 else size.T[::-1]
-    angle = np.radians(degrees)
-    ahead = np.stack([np.cos(angle), np.sin(angle)], -1) * (deep + depth)[:, None] / 2
+    deep, wide = items.size[those].T[:: -1 if quarter % 2 else 1]
+    ahead = facing(items, those, quarter) * (deep + depth)[:, None] / 2
     floor = np.stack([depth, wide], -1) - 2 * TOLERANCE
-    return rectangles(items.center[those] + ahead, floor, degrees)
+    return rectangles(items.center[those] + ahead, floor, items.degrees[those] + 90 * quarter)
 
 
-def facing(items: Items, those: np.ndarray) -> np.ndarray:
-    """Return where `those` items (n,) face, as unit vectors (n, 2)."""
-    angle = np.radians(items.degrees[those])
+def facing(items: Items, those: np.ndarray, quarter: int = 0) -> np.ndarray:
+    """Return where `those` items (n,) face, or a side so many quarter turns from the front: unit vectors (n, 2)."""
+    angle = np.radians(items.degrees[those] + 90 * quarter)
     return np.stack([np.cos(angle), np.sin(angle)], -1)
 
 

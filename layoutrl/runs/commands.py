@@ -105,9 +105,7 @@ def explanation(name: str) -> str:
             shown = not line.startswith(("defaults:", "hydra:"))
         if shown or not line:
             lines.append(line)
-    offered = {
-        group: sorted(file.stem for file in (config_directory() / group).glob("*.yaml")) for group in groups(name)
-    }
+    offered = {group: files_of(group) for group in groups(name)}
     return "\n".join([
         "\n".join(lines).strip(),
         "",
@@ -283,6 +281,11 @@ def check_flags(arguments: list[str], of_files: Sequence[str]) -> None:
             raise InputError(f"{group}: expected the name of one; got {names}; several are tried by -m and commas")
 
 
+def files_of(group: str) -> list[str]:
+    """Return the names of the files of a group, sorted."""
+    return sorted(file.stem for file in (config_directory() / group).glob("*.yaml"))
+
+
 def is_sweep(arguments: list[str]) -> bool:
     """Whether the arguments ask for a sweep."""
     return not {"-m", "--multirun"}.isdisjoint(arguments)
@@ -295,9 +298,8 @@ def as_written(arguments: list[str], schema: type, *, sweeps: bool = False) -> l
     quote a text that contains one. Raises InputError for a value without an option, and for an option with dashes
     before it.
     """
-    kinds, groups = options(schema), [folder for folder in config_directory().iterdir() if folder.is_dir()]
-    of_files = {group.name: {file.stem for file in group.glob("*.yaml")} for group in groups}
-    texts = {*of_files}.union(name for name, kind in kinds.items() if kind in (str, str | None))
+    kinds, of_files = options(schema), {folder.name for folder in config_directory().iterdir() if folder.is_dir()}
+    texts = of_files.union(name for name, kind in kinds.items() if kind in (str, str | None))
     sweeps = sweeps or is_sweep(arguments)
 
     def quoted(argument: str) -> str:
@@ -305,10 +307,10 @@ def as_written(arguments: list[str], schema: type, *, sweeps: bool = False) -> l
             raise InputError(f"{argument}: expected <option>=<value>; --help shows all options")
         key, equals, value = argument.partition("=")
         bare = key.removeprefix("--").replace("-", "_")
-        is_option = bare in (kinds.keys() | of_files.keys())
+        is_option = bare in (kinds.keys() | of_files)
         if key.startswith("--") and is_option and (bare != "run" or equals):  # --run alone is Hydra's own
             raise InputError(f"{argument}: expected <option>=<value> without dashes, as {bare}=...")
-        if value in of_files.get(key, ()):
+        if key in of_files and value in files_of(key):
             return argument
         plain = key in texts and equals and value != "null" and value[:1] not in ("'", '"') and "${" not in value
         if not plain or ((sweeps or key in of_files) and re.search(r"[,()]", value)):
